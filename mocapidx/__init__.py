@@ -1,0 +1,1 @@
+"""Search an archive of motion capture by what happens in it."""

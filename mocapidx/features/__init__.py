@@ -1,0 +1,1 @@
+"""Joint positions to boolean relational features."""

@@ -1,0 +1,1 @@
+"""Motion files: text and bytes in, recordings out."""

@@ -1,0 +1,1 @@
+"""Inverted lists of segments, one set a sub-index."""

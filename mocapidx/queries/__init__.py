@@ -1,0 +1,1 @@
+"""Content-based queries on the inverted lists."""

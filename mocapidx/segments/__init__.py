@@ -1,0 +1,1 @@
+"""Adaptive segmentation: runs of equal feature words."""

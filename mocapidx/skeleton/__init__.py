@@ -1,0 +1,1 @@
+"""Recordings to motions: rotations, forward kinematics, canonical joints, resampling."""

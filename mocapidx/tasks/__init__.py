@@ -1,0 +1,1 @@
+"""Whole jobs, one module a command: files in, files or records out."""
