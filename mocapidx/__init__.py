@@ -1,1 +1,60 @@
-"""Search an archive of motion capture by what happens in it."""
+"""Search an archive of motion capture by what happens in it.
+
+Everything a command does is one call away, with NumPy arrays in and out, time first. The names
+below are imported when they are first used, so that ``import mocapidx`` stays light.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from mocapidx.features.extract import extract_features
+    from mocapidx.features.featureset import FeatureSet, load_feature_set
+    from mocapidx.model import Hit, Motion
+    from mocapidx.store.read import Snapshot as Store
+    from mocapidx.tasks.index import compact_store, index_files
+    from mocapidx.tasks.info import document_info, store_info
+    from mocapidx.tasks.query import query_store
+    from mocapidx.tasks.read import read_motion, skeleton_report
+    from mocapidx.tasks.verify import verify_store
+
+__all__ = [
+    "FeatureSet",
+    "Hit",
+    "Motion",
+    "Store",
+    "compact_store",
+    "document_info",
+    "extract_features",
+    "index_files",
+    "load_feature_set",
+    "query_store",
+    "read_motion",
+    "skeleton_report",
+    "store_info",
+    "verify_store",
+]
+
+_HOMES = {
+    "FeatureSet": "features.featureset:FeatureSet",
+    "Hit": "model:Hit",
+    "Motion": "model:Motion",
+    "Store": "store.read:Snapshot",
+    "compact_store": "tasks.index:compact_store",
+    "document_info": "tasks.info:document_info",
+    "extract_features": "features.extract:extract_features",
+    "index_files": "tasks.index:index_files",
+    "load_feature_set": "features.featureset:load_feature_set",
+    "query_store": "tasks.query:query_store",
+    "read_motion": "tasks.read:read_motion",
+    "skeleton_report": "tasks.read:skeleton_report",
+    "store_info": "tasks.info:store_info",
+    "verify_store": "tasks.verify:verify_store",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'mocapidx' has no attribute {name!r}")
+    module, _, attribute = _HOMES[name].partition(":")
+    return getattr(importlib.import_module(f"mocapidx.{module}"), attribute)

@@ -5,6 +5,7 @@ from typing import ClassVar
 __all__ = [
     "FeatureSetError",
     "FormatError",
+    "Interrupted",
     "LockedError",
     "MocapidxError",
     "ParameterError",
@@ -56,3 +57,19 @@ class WriteError(MocapidxError):
     """Something could not be written; what was there before is unchanged unless said."""
 
     exit_code = 7
+
+
+class Interrupted(BaseException):
+    """A signal asked the program to stop; like `KeyboardInterrupt` no error to be handled.
+
+    Parameters
+    ----------
+    signal_number : int
+        The signal; the exit code is 128 more.
+    message : str
+        What was done before, for a person to read.
+    """
+
+    def __init__(self, signal_number: int, message: str = "") -> None:
+        super().__init__(message)
+        self.signal_number = signal_number

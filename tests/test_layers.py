@@ -9,7 +9,7 @@ ROOT = Path(__file__).parent.parent / "mocapidx"
 CLI = Path(__file__).parent.parent / "cli"
 
 LAYERS = (
-    "errors model units durable formats skeleton features segments alignment store index queries "
+    "errors printable model units durable formats skeleton features segments alignment store index queries "
     "templates graphs synthesis evaluation reports tasks __init__"
 ).split()
 LEVEL = {name: level for level, name in enumerate(LAYERS)}

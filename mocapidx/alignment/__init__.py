@@ -1,0 +1,1 @@
+"""Alignment of sequences: dynamic time warping on arrays."""

@@ -1,0 +1,1 @@
+"""Motion templates: learn a class from examples and find it."""
