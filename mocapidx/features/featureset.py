@@ -1,0 +1,202 @@
+"""Feature sets: which relational features there are, as data that anybody can write."""
+
+import json
+import re
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from hashlib import blake2b
+from importlib.resources import files
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from mocapidx.errors import FeatureSetError, ParameterError
+from mocapidx.features.parsing import PARTS, read_document
+from mocapidx.features.relations import Feature
+from mocapidx.model import IndexArray
+
+__all__ = [
+    "PARTS",
+    "Feature",
+    "FeatureSet",
+    "load_feature_set",
+    "parse_feature_set",
+    "shipped_sets",
+]
+
+MAX_BYTES: Final = 1 << 20
+
+# Part of every digest: raise it when a formula changes, so that older stores are told apart.
+DEFINITIONS: Final = 1
+
+
+@dataclass(frozen=True, slots=True)
+class FeatureSet:
+    """An ordered set of features; feature i is bit i of a feature word.
+
+    Parameters
+    ----------
+    name : str
+        Name of the set, such as ``f39``.
+    source : str
+        Where its features and thresholds come from.
+    features : tuple of Feature
+        At most 64, and at most 32 of one part.
+    text : str
+        The TOML text that it was read from.
+    digest : str
+        BLAKE2b of all that decides the bits, in hexadecimal: comments, layout, names and
+        source don't count.
+    """
+
+    name: str
+    source: str
+    features: tuple[Feature, ...]
+    text: str
+    digest: str
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """The ids of the features, in the order of the bits."""
+        return tuple(feature.id for feature in self.features)
+
+    @property
+    def mirror(self) -> IndexArray:
+        """Permutation of the features that exchanges left and right, shape (F,)."""
+        place = {feature.id: i for i, feature in enumerate(self.features)}
+        return np.array([place[feature.mirror] for feature in self.features], dtype=np.int64)
+
+    def part_mask(self, part: str) -> int:
+        """Return the bits of the features of one part."""
+        if part not in PARTS:
+            raise ParameterError(f"there is no part {part!r}; parts are {', '.join(PARTS)}")
+        return sum(1 << i for i, feature in enumerate(self.features) if feature.part == part)
+
+    def select(self, expression: str) -> int:
+        """Return the bits of the features that an expression names.
+
+        Parameters
+        ----------
+        expression : str
+            Ids, names, parts and ``all``, separated by commas: ``F17,F18``, ``upper``,
+            ``lower,F39``, ``right knee bent``. Upper and lower case are the same.
+
+        Returns
+        -------
+        int
+
+        Raises
+        ------
+        ParameterError
+            If a word of the expression names nothing in this set, or there is no word.
+        """
+        named = {"all": (1 << len(self.features)) - 1}
+        named |= {part: self.part_mask(part) for part in PARTS}
+        for i, feature in enumerate(self.features):
+            named[feature.id.lower()] = named[feature.name.lower()] = 1 << i
+        mask = 0
+        for word in expression.split(","):
+            if word.strip().lower() not in named:
+                raise ParameterError(
+                    f"{word.strip()!r} names no feature of the set {self.name}; "
+                    f"expected ids ({_span(self.ids)}), names, {', '.join(PARTS)} or all"
+                )
+            mask |= named[word.strip().lower()]
+        return mask
+
+
+def load_feature_set(name_or_path: str | Path | FeatureSet) -> FeatureSet:
+    """Return a shipped feature set by its name, or read one from a TOML file.
+
+    Parameters
+    ----------
+    name_or_path : str, Path or FeatureSet
+        A shipped name such as ``f39``, or the path of a file; a set is returned as it is.
+
+    Returns
+    -------
+    FeatureSet
+
+    Raises
+    ------
+    FeatureSetError
+        If there is no such set or file, it can't be read, or it is wrong.
+    """
+    if isinstance(name_or_path, FeatureSet):
+        return name_or_path
+    if str(name_or_path) in shipped_sets():
+        return _load_shipped(str(name_or_path))
+    return parse_feature_set(_read_text(Path(name_or_path)), str(name_or_path))
+
+
+def shipped_sets() -> tuple[str, ...]:
+    """Return the names of the sets that come with mocapidx."""
+    folder = files("mocapidx.features") / "sets"
+    names = (entry.name for entry in folder.iterdir())
+    return tuple(sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml")))
+
+
+@lru_cache
+def _load_shipped(name: str) -> FeatureSet:
+    text = (files("mocapidx.features") / "sets" / f"{name}.toml").read_text(encoding="utf-8")
+    return parse_feature_set(text, f"{name}.toml")
+
+
+def _read_text(path: Path) -> str:
+    """Read a small regular file; a device or a pipe is never opened."""
+    try:
+        if not path.is_file():
+            shipped = ", ".join(shipped_sets())
+            raise FeatureSetError(
+                f"{str(path)!r} is neither a shipped feature set ({shipped}) nor a file"
+            )
+        with path.open("rb") as file:
+            octets = file.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as exc:
+        reason = getattr(exc, "strerror", None) or exc
+        raise FeatureSetError(f"{str(path)!r}: can't be read: {reason}") from exc
+    if len(octets) > MAX_BYTES:
+        raise FeatureSetError(f"{path}: larger than {MAX_BYTES >> 20} MiB; not a feature set")
+    try:
+        return octets.decode("utf-8-sig")
+    except UnicodeDecodeError as exc:
+        raise FeatureSetError(f"{path}: not UTF-8 text at byte {exc.start}") from exc
+
+
+def parse_feature_set(text: str, where: str = "feature set") -> FeatureSet:
+    """Read and check the TOML text of a feature set.
+
+    Parameters
+    ----------
+    text : str
+        The text; see ``docs/features.md`` for its form.
+    where : str
+        What messages call it, usually the path of the file.
+
+    Returns
+    -------
+    FeatureSet
+
+    Raises
+    ------
+    FeatureSetError
+        If the text is not TOML or says something that a feature set can't; the message names
+        the feature and the key.
+    """
+    name, source, features = read_document(text, where)
+    return FeatureSet(
+        name=name, source=source, features=features, text=text, digest=_digest(features)
+    )
+
+
+def _digest(features: Iterable[Feature]) -> str:
+    meaning = [{k: v for k, v in asdict(feature).items() if k != "name"} for feature in features]
+    canonical = json.dumps([DEFINITIONS, meaning], sort_keys=True, separators=(",", ":"))
+    return blake2b(canonical.encode(), digest_size=32).hexdigest()
+
+
+def _span(ids: tuple[str, ...]) -> str:
+    numbers = [re.fullmatch(r"F(\d+)", i) for i in ids]
+    return f"{ids[0]} to {ids[-1]}" if all(numbers) else ", ".join(ids)
