@@ -1,0 +1,220 @@
+"""Replace a file durably: whole and on disk, or as it was before.
+
+The new content goes to a temporary file beside the old one, is synced, renamed over it, and
+the folder is synced. A failed sync is never tried again: the kernel may have dropped the pages
+that it could not write, so a second one that succeeds would prove nothing.
+"""
+
+import contextlib
+import errno
+import os
+import stat
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TypeAlias
+
+from mocapidx.errors import MocapidxError, ParameterError, WriteError
+
+__all__ = ["Chunk", "durable_replace", "replace_file", "sync_folder", "write_error"]
+
+Chunk: TypeAlias = bytes | bytearray | memoryview
+
+PIECE = 1 << 24
+FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
+NO_FOLDER_SYNC = frozenset({errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP})
+
+
+def durable_replace(
+    path: Path,
+    chunks: Chunk | Iterable[Chunk],
+    *,
+    subject: str | None = None,
+    unchanged: str | None = None,
+) -> None:
+    """Give a file new content; after a return it is on disk, after an error it is as before.
+
+    Parameters
+    ----------
+    path : Path
+        The file; need not exist. Where it is a symbolic link, the file it leads to is replaced.
+    chunks : bytes or iterable of bytes
+        The new content, in order.
+    subject : str, optional
+        What messages call the thing that is written; default `path`.
+    unchanged : str, optional
+        How messages say what stayed; default "PATH is unchanged".
+
+    Raises
+    ------
+    WriteError
+        If it could not be written (full, not permitted, damaged disk), or if the folder could
+        not be synced after the rename, which leaves open which of both contents a power cut
+        would find.
+    ParameterError
+        If `path` lies in a folder that does not exist, or is no regular file.
+    """
+    subject = subject or str(path)
+    size = len(chunks) if isinstance(chunks, bytes) else None
+    try:
+        replace_file(path, chunks)
+    except OSError as exc:
+        raise write_error(
+            exc, path, subject=subject, needed=size, unchanged=unchanged or f"{path} is unchanged"
+        ) from exc
+    try:
+        sync_folder(Path(os.path.realpath(path)).parent)
+    except OSError as exc:
+        raise WriteError(
+            f"{subject}: its folder could not be synced ({_reason(exc)}), so the change may or "
+            "may not be saved; running again is safe"
+        ) from exc
+
+
+def replace_file(path: Path, chunks: Chunk | Iterable[Chunk]) -> None:
+    """Write, sync and rename, and leave the folder's own sync to the caller.
+
+    Parameters
+    ----------
+    path : Path
+        The file to replace.
+    chunks : bytes or iterable of bytes
+        Its new content.
+
+    Raises
+    ------
+    OSError
+        Whatever the system says; the temporary file is gone and `path` untouched.
+    ParameterError
+        If `path` exists and is no regular file.
+    """
+    target = Path(os.path.realpath(path))
+    mode = _mode(target)
+    # 180 bytes of the name are plenty to recognise it, and no file system minds the rest.
+    stem = os.fsdecode(os.fsencode(target.name)[:180])
+    temporary = target.with_name(f"{stem}.{os.getpid()}.tmp")
+    flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC | os.O_NOFOLLOW
+    try:
+        descriptor = os.open(temporary, flags, 0o666)
+        try:
+            if mode is not None:
+                os.fchmod(descriptor, mode)
+            for chunk in [chunks] if isinstance(chunks, Chunk) else chunks:
+                _write_all(descriptor, chunk)
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+        os.rename(temporary, target)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            os.unlink(temporary)
+        raise
+
+
+def sync_folder(folder: Path) -> None:
+    """Make the names in a folder durable.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder that files were made in, renamed in or removed from.
+
+    Raises
+    ------
+    OSError
+        If the system could not; where a file system has no such operation, nothing happens.
+    """
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        os.fsync(descriptor)
+    except OSError as exc:
+        if exc.errno not in NO_FOLDER_SYNC:
+            raise
+    finally:
+        os.close(descriptor)
+
+
+def write_error(
+    error: OSError, path: Path, *, subject: str, needed: int | None, unchanged: str
+) -> MocapidxError:
+    """Put the system's refusal to write into words.
+
+    Parameters
+    ----------
+    error : OSError
+        What the system said.
+    path : Path
+        Where it said so.
+    subject : str
+        What was being written.
+    needed : int or None
+        Bytes that were to be written, where known.
+    unchanged : str
+        What is as it was before.
+
+    Returns
+    -------
+    WriteError or ParameterError
+        ParameterError where the path itself is wrong.
+    """
+    if error.errno in FULL:
+        limits = [f"needed about {_megabytes(needed)}"] if needed is not None else []
+        limits.append(_room(error, path))
+        return WriteError(
+            f"no space left on {_mount(path)} for {subject}: {', '.join(limits)}; {unchanged}"
+        )
+    if error.errno in (errno.ENOENT, errno.ENOTDIR):
+        return ParameterError(f"{subject}: there is no folder {path.parent}; make it first")
+    if error.errno == errno.EISDIR:
+        return ParameterError(f"{subject}: is a folder, expected a file")
+    if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
+        return WriteError(f"{subject}: may not be written ({_reason(error)}); {unchanged}")
+    if error.errno == errno.EIO:
+        return WriteError(
+            f"{subject}: input/output error on {_mount(path)} while writing {path.name}; "
+            f"{unchanged}; check the disk before running again"
+        )
+    return WriteError(f"{subject}: could not be written ({_reason(error)}); {unchanged}")
+
+
+def _mode(target: Path) -> int | None:
+    """Permissions to carry over; a device or a pipe must never be renamed over."""
+    try:
+        status = os.stat(target)
+    except FileNotFoundError:
+        return None
+    if stat.S_ISDIR(status.st_mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(target))
+    if not stat.S_ISREG(status.st_mode):
+        raise ParameterError(f"{target}: is no regular file, so it can't be replaced; use '-'")
+    return stat.S_IMODE(status.st_mode)
+
+
+def _write_all(descriptor: int, chunk: Chunk) -> None:
+    view = memoryview(chunk).cast("B")
+    start = 0
+    while start < len(view):
+        start += os.write(descriptor, view[start : start + PIECE])
+
+
+def _room(error: OSError, path: Path) -> str:
+    if error.errno == errno.EDQUOT:
+        return "over the quota"
+    if error.errno == errno.EFBIG:
+        return "over the limit for the size of a file (ulimit -f)"
+    status = os.statvfs(_mount(path))
+    return f"free {_megabytes(status.f_bavail * status.f_frsize)}"
+
+
+def _mount(path: Path) -> Path:
+    path = Path(os.path.realpath(path))
+    while not os.path.ismount(path) and path != path.parent:
+        path = path.parent
+    return path
+
+
+def _megabytes(size: int) -> str:
+    return f"{-(-size // 1_000_000)} MB"
+
+
+def _reason(error: OSError) -> str:
+    return (error.strerror or type(error).__name__).lower()

@@ -1,0 +1,477 @@
+"""Write a store: one commit at a time, each there as a whole or not at all.
+
+The order is what makes it so. A segment file and its index are written and synced under names
+that no manifest knows; then one rename puts the new manifest in place. Files that the new
+manifest no longer names stay until the next commit, for readers that have just read the old
+one. Whatever a killed writer leaves behind, the next one removes.
+"""
+
+import contextlib
+import json
+import os
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mocapidx.durable import replace_file, sync_folder, write_error
+from mocapidx.errors import MocapidxError, ParameterError, StoreError, WriteError
+from mocapidx.store import schema
+from mocapidx.store.encoding import documents_json, encode_manifest, settings_json, to_json
+from mocapidx.store.image import lay_out
+from mocapidx.store.lock import locked
+from mocapidx.store.manifest import (
+    Document,
+    FileRecord,
+    Manifest,
+    SegmentFile,
+    StoreSettings,
+    file_digest,
+    segment_names,
+)
+from mocapidx.store.read import Snapshot, read_manifest
+
+__all__ = ["Batch", "StoreSettings", "Writer", "check_writable", "writing"]
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """Documents that go into one segment file.
+
+    Parameters
+    ----------
+    documents : collection of Document
+        In the order in which their frames lie.
+    arrays : mapping of str to ndarray or iterable of ndarray
+        The datasets but for `meta`. An iterable's arrays are written end to end, and nothing
+        holds more than one of them; ``runs/...`` must be arrays.
+    index : bytes
+        The inverted lists, as `mocapidx.index` makes them.
+    index_head_size : int
+        Bytes at the beginning of `index` that carry no digest of their own.
+    """
+
+    documents: Collection[Document]
+    arrays: Mapping[str, NDArray[Any] | Iterable[NDArray[Any]]]
+    index: bytes
+    index_head_size: int
+
+
+class Writer:
+    """The one that may change a store; made by `writing`.
+
+    Parameters
+    ----------
+    path : Path
+        Folder of the store.
+    manifest : Manifest
+        Of the last commit.
+    """
+
+    def __init__(self, path: Path, manifest: Manifest, handles: contextlib.ExitStack) -> None:
+        self.path = path
+        self.manifest = manifest
+        self._handles = handles
+        self._usable = True
+        self._snapshot = self._fresh()
+
+    @property
+    def settings(self) -> StoreSettings:
+        """What holds for every document of the store."""
+        return self.manifest.settings
+
+    def documents(self) -> list[Document]:
+        """Every live document.
+
+        Returns
+        -------
+        list of Document
+            File by file, in the order in which their frames lie.
+        """
+        return [entry.document for entry in self.manifest.documents()]
+
+    @property
+    def snapshot(self) -> Snapshot:
+        """The store as of the last commit; closed with the writer."""
+        return self._snapshot
+
+    def commit(self, batch: Batch | None, remove: Collection[str] = ()) -> Snapshot:
+        """Add documents, which replace those of the same name, and remove others.
+
+        Parameters
+        ----------
+        batch : Batch or None
+            What to add.
+        remove : collection of str
+            Names of documents to remove.
+
+        Returns
+        -------
+        Snapshot
+            After the commit. Nothing to do writes nothing.
+
+        Raises
+        ------
+        WriteError
+            If it could not be written; the store is as before unless the message says.
+        ParameterError
+            If the batch does not agree with itself or the settings, or no such document is
+            there to remove.
+        """
+        names = {entry.document.name for entry in self.manifest.documents()}
+        if unknown := set(remove) - names:
+            raise ParameterError(f"{self.path}: no document {sorted(unknown)[0]!r} to remove")
+        new = {document.name for document in batch.documents} if batch else set()
+        return self._publish(batch, dead=new.union(remove), dropped=frozenset())
+
+    def replace(self, batch: Batch, files: Collection[SegmentFile]) -> Snapshot:
+        """Put one segment file in the place of several, in one commit.
+
+        Parameters
+        ----------
+        batch : Batch
+            The live documents of `files`.
+        files : collection of SegmentFile
+            The files that it replaces.
+
+        Returns
+        -------
+        Snapshot
+            After the commit.
+
+        Raises
+        ------
+        WriteError, ParameterError
+            As `commit` does.
+        """
+        before = sorted(e.document.name for f in files for e in f.placed() if e.document.live)
+        if before != sorted(document.name for document in batch.documents):
+            raise ParameterError(f"{self.path}: a merge must keep the documents as they are")
+        return self._publish(batch, dead=set(), dropped={file.number for file in files})
+
+    def _publish(
+        self, batch: Batch | None, dead: Collection[str], dropped: Collection[int]
+    ) -> Snapshot:
+        if not self._usable:
+            raise WriteError(f"{self.path}: an earlier commit failed; run again")
+        files = [_without(file, dead) for file in self.manifest.files if file.number not in dropped]
+        kept = tuple(file for file in files if any(entry.live for entry in file.documents))
+        if batch is None and kept == self.manifest.files:
+            return self._snapshot
+        number = self.manifest.next_number
+        manifest = replace(self.manifest, files=kept, generation=self.manifest.generation + 1)
+        with self._explained(batch):
+            if batch is not None:
+                _check(batch, self.settings)
+                sweep(self.path, self.manifest)
+                file = self._write_segment(batch, number)
+                manifest = replace(manifest, files=(*kept, file), next_number=number + 1)
+            else:
+                sweep(self.path, self.manifest)
+            data = encode_manifest(manifest)
+            self._usable = False  # from here on only success tells which manifest is there
+            replace_file(self.path / schema.MANIFEST, data)
+        try:
+            sync_folder(self.path)
+        except OSError as exc:
+            raise WriteError(
+                f"{self.path}: its folder could not be synced ({(exc.strerror or '').lower()}), "
+                "so the last documents may or may not be saved; running again is safe"
+            ) from exc
+        self.manifest, self._usable = manifest, True
+        self._snapshot = self._fresh()
+        return self._snapshot
+
+    def _write_segment(self, batch: Batch, number: int) -> SegmentFile:
+        folder = self.path / schema.SEGMENTS
+        folder.mkdir(exist_ok=True)
+        contents = {
+            path: (values,) if isinstance(values, np.ndarray) else values
+            for path, values in batch.arrays.items()
+        }
+        meta = np.frombuffer(_meta(batch, self.settings), dtype=schema.META.dtype)
+        image = lay_out(
+            {schema.META.path: meta.shape, **_shapes(batch)},
+            {schema.META.path: (meta,), **contents},
+        )
+        idx = FileRecord(len(batch.index), file_digest(batch.index).hexdigest())
+        head = batch.index[: batch.index_head_size]
+        h5_name, idx_name = segment_names(number)
+        replace_file(folder / h5_name, image.chunks())
+        replace_file(folder / idx_name, batch.index)
+        sync_folder(folder)
+        return SegmentFile(
+            number,
+            FileRecord(image.size, image.digest),
+            idx,
+            FileRecord(len(head), file_digest(head).hexdigest()),
+            image.datasets,
+            tuple(batch.documents),
+        )
+
+    @contextlib.contextmanager
+    def _explained(self, batch: Batch | None) -> Iterator[None]:
+        """On a failure leave no debris, and say what the store still holds."""
+        try:
+            yield
+        except BaseException as exc:
+            with contextlib.suppress(OSError, MocapidxError):
+                if self.manifest.generation == 0 or read_manifest(self.path) == self.manifest:
+                    sweep(self.path, self.manifest)
+            if not isinstance(exc, OSError):
+                raise
+            count = sum(1 for _ in self.manifest.documents())
+            raise write_error(
+                exc,
+                self.path,
+                subject=str(self.path),
+                needed=_size(batch),
+                unchanged=f"store unchanged ({count} documents)",
+            ) from exc
+
+    def _fresh(self) -> Snapshot:
+        snapshot = Snapshot(self.path, self.manifest)
+        self._handles.callback(snapshot.close)
+        return snapshot
+
+
+@contextlib.contextmanager
+def writing(
+    path: Path,
+    *,
+    command: str,
+    lock_timeout: float = 0.0,
+    use_lock: bool = True,
+    create: StoreSettings | None = None,
+) -> Iterator[Writer]:
+    """Take the lock of a store and give the one that may change it.
+
+    Parameters
+    ----------
+    path : Path
+        Folder of the store.
+    command : str
+        Who writes, for the message that other writers get.
+    lock_timeout : float
+        How long to wait for another writer, in seconds.
+    use_lock : bool
+        False goes without a lock, at the caller's risk.
+    create : StoreSettings, optional
+        Make the store with these where there is none; where there is one, its rate and feature
+        set must be these. Nobody sees a store before its first commit.
+
+    Yields
+    ------
+    Writer
+        Until the end of the `with`.
+
+    Raises
+    ------
+    LockedError
+        If another writer is at work.
+    StoreError
+        If there is no store and `create` is not given, or it is damaged, newer or of another
+        feature set.
+    ParameterError
+        If `path` is no place for a store, or the store has another rate.
+    WriteError
+        If it may not be written.
+    """
+    check_writable(path)
+    if create is None:
+        read_manifest(path)
+    made = create is not None and _make(path)
+    try:
+        with (
+            locked(path, command=command, timeout=lock_timeout, use_lock=use_lock),
+            contextlib.ExitStack() as handles,
+        ):
+            manifest = _agreed(path, create)
+            sweep(path, manifest)
+            writer = Writer(path, manifest, handles)
+            try:
+                yield writer
+            finally:
+                if made and not (path / schema.MANIFEST).exists():
+                    _unmake(path)
+    except OSError as exc:
+        raise write_error(
+            exc, path, subject=str(path), needed=None, unchanged="store unchanged"
+        ) from exc
+
+
+def check_writable(path: Path) -> None:
+    """Refuse a place where no store can be written, before any work is done for it.
+
+    Parameters
+    ----------
+    path : Path
+        Folder of a store, there or yet to be made.
+
+    Raises
+    ------
+    ParameterError
+        If it is no folder, its parent does not exist, or it holds other things than a store.
+    WriteError
+        If it may not be written.
+    """
+    if not os.path.lexists(path):
+        folder = path.parent
+        if not folder.is_dir():
+            raise ParameterError(f"{path}: there is no folder {folder}; make it first")
+    elif not path.is_dir():
+        raise ParameterError(f"{path}: is a file, a store is a folder; give another --store")
+    else:
+        folder = path
+        if not os.path.lexists(path / schema.MANIFEST) and _strangers(path):
+            raise ParameterError(
+                f"{path}: is a folder with other things in it, not a store; give another --store"
+            )
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise WriteError(f"{path}: may not be written; see to its permissions or its file system")
+
+
+def sweep(path: Path, manifest: Manifest) -> None:
+    """Remove what a commit that was cut short left behind, and files that were replaced.
+
+    Parameters
+    ----------
+    path : Path
+        Folder of the store.
+    manifest : Manifest
+        Of the last commit.
+
+    Raises
+    ------
+    OSError
+        If a file can't be removed.
+    """
+    named = {name for file in manifest.files for name in file.names}
+    folder = path / schema.SEGMENTS
+    orphans = [
+        place
+        for place in (*path.iterdir(), *(folder.iterdir() if folder.is_dir() else ()))
+        if schema.TEMPORARY_NAME.fullmatch(place.name)
+        or (
+            place.parent == folder
+            and schema.SEGMENT_NAME.fullmatch(place.name)
+            and place.name not in named
+        )
+    ]
+    if orphans:
+        # The manifest that drops them may have been renamed in but not synced.
+        sync_folder(path)
+    for place in orphans:
+        place.unlink(missing_ok=True)
+
+
+def _agreed(path: Path, create: StoreSettings | None) -> Manifest:
+    if create is not None and not os.path.lexists(path / schema.MANIFEST):
+        return Manifest(create)
+    manifest = read_manifest(path)
+    settings = manifest.settings
+    if create is None:
+        return manifest
+    if create.feature_set_digest != settings.feature_set_digest:
+        raise StoreError(
+            f"{path}: holds another feature set ({settings.feature_set_name!r}, digest "
+            f"{settings.feature_set_digest[:12]}) than {create.feature_set_name!r} (digest "
+            f"{create.feature_set_digest[:12]}); give another --store for it"
+        )
+    if create.rate != settings.rate:
+        raise ParameterError(
+            f"{path}: holds frames at {settings.rate:g} Hz, not {create.rate:g}; "
+            "leave --rate out or give another --store"
+        )
+    return manifest
+
+
+def _make(path: Path) -> bool:
+    """Make the folder; tell whether it was not there."""
+    try:
+        path.mkdir()
+        sync_folder(path.parent)
+    except FileExistsError:
+        return False
+    except OSError as exc:
+        raise write_error(
+            exc, path, subject=str(path), needed=None, unchanged="nothing was made"
+        ) from exc
+    return True
+
+
+def _unmake(path: Path) -> None:
+    with contextlib.suppress(OSError):
+        if (path / schema.SEGMENTS).is_dir():
+            (path / schema.SEGMENTS).rmdir()
+        (path / schema.LOCK).unlink(missing_ok=True)
+        path.rmdir()
+
+
+def _strangers(path: Path) -> bool:
+    ours = {schema.LOCK, schema.SEGMENTS}
+    return any(
+        name not in ours and not schema.TEMPORARY_NAME.fullmatch(name) for name in os.listdir(path)
+    )
+
+
+def _without(file: SegmentFile, names: Collection[str]) -> SegmentFile:
+    """Bury documents; their frames and numbers stay until the file is merged."""
+    if not any(entry.live and entry.name in names for entry in file.documents):
+        return file
+    documents = tuple(
+        replace(entry, live=False) if entry.name in names else entry for entry in file.documents
+    )
+    return replace(file, documents=documents)
+
+
+def _check(batch: Batch, settings: StoreSettings) -> None:
+    names = [document.name for document in batch.documents]
+    if not names or len(set(names)) != len(names):
+        raise ParameterError("a batch needs documents of different names")
+    expected = {
+        entry.path
+        for entry in schema.COLUMNS.values()
+        if entry is not schema.META and (settings.poses or not entry.optional)
+    }
+    if set(batch.arrays) != expected:
+        raise ParameterError(
+            f"a batch has {sorted(batch.arrays)}, this store takes {sorted(expected)}"
+        )
+    if not 0 < batch.index_head_size <= len(batch.index):
+        raise ParameterError("the head of an index must lie in the index")
+
+
+def _shapes(batch: Batch) -> dict[str, tuple[int, ...]]:
+    frames = sum(document.frames for document in batch.documents)
+    shapes = {}
+    for path, values in batch.arrays.items():
+        rows = len(values) if isinstance(values, np.ndarray) else frames
+        shapes[path] = (rows, *schema.column(path).trailing)
+    return shapes
+
+
+def _meta(batch: Batch, settings: StoreSettings) -> bytes:
+    roots: dict[str, int] = {}
+    rigs: dict[str, int] = {}
+    documents = documents_json(batch.documents, roots, rigs)
+    return to_json(
+        {
+            **settings_json(settings),
+            "roots": list(roots),
+            "rigs": [json.loads(rig) for rig in rigs],
+            "documents": documents,
+        }
+    )
+
+
+def _size(batch: Batch | None) -> int | None:
+    if batch is None:
+        return None
+    rows = {path: shape[0] for path, shape in _shapes(batch).items()}
+    return len(batch.index) + sum(
+        count * schema.column(path).row_bytes for path, count in rows.items()
+    )
