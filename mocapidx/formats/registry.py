@@ -1,0 +1,93 @@
+"""Motion files by their suffix: who reads what."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+from mocapidx.errors import FormatError
+from mocapidx.formats.amc import find_skeleton, read_amc
+from mocapidx.formats.bvh import read_bvh
+from mocapidx.formats.text import Limits, place
+from mocapidx.model import Recording
+
+__all__ = ["SUFFIXES", "is_motion_file", "read_recording", "sources_of"]
+
+READERS: Final[dict[str, Callable[[Path, Path | None, Limits], Recording]]] = {
+    ".amc": read_amc,
+    ".bvh": lambda path, _, limits: read_bvh(path, limits),
+}
+SUFFIXES: Final = frozenset(READERS)
+
+
+def is_motion_file(path: Path) -> bool:
+    """Whether a file holds motion, by its suffix in any case.
+
+    Parameters
+    ----------
+    path : Path
+        The file; it need not exist.
+
+    Returns
+    -------
+    bool
+        An ASF holds a skeleton and no motion.
+    """
+    return path.suffix.lower() in READERS
+
+
+def sources_of(path: Path, skeleton_path: Path | None = None) -> tuple[Path, ...]:
+    """Return the files that a take is read from: itself, and its skeleton if it has one apart.
+
+    Parameters
+    ----------
+    path : Path
+        The motion file.
+    skeleton_path : Path, optional
+        The skeleton that the user named.
+
+    Returns
+    -------
+    tuple of Path
+        The motion file first.
+
+    Raises
+    ------
+    FormatError
+        If an AMC has no ASF.
+    """
+    if path.suffix.lower() != ".amc":
+        return (path,)
+    return path, skeleton_path or find_skeleton(path)
+
+
+def read_recording(
+    path: Path, *, skeleton_path: Path | None = None, limits: Limits | None = None
+) -> Recording:
+    """Read a motion file as it stands.
+
+    Parameters
+    ----------
+    path : Path
+        An AMC or a BVH file.
+    skeleton_path : Path, optional
+        The ASF of an AMC; by default the one beside it.
+    limits : Limits, optional
+        What is refused as too large.
+
+    Returns
+    -------
+    Recording
+        The skeleton and its channels, in the units of the file.
+
+    Raises
+    ------
+    FormatError
+        If the file can't be used; the message says where in it and why.
+    """
+    reader = READERS.get(path.suffix.lower())
+    if reader is None:
+        raise FormatError(
+            f"{place(path)}: no motion file by its name; mocapidx reads "
+            f"{' and '.join(sorted(SUFFIXES))}"
+        )
+    return reader(path, skeleton_path, limits or Limits())

@@ -1,0 +1,152 @@
+"""Forward kinematics: from channels over time to the points of the skeleton's nodes.
+
+Everything is laid out with time last and runs over short blocks of frames, so that all that
+one block needs stays in the processor's cache.
+"""
+
+from collections.abc import Collection
+from typing import Final, Literal
+
+import numpy as np
+
+from mocapidx.model import FloatArray, Recording, Skeleton
+from mocapidx.skeleton.rotations import multiplied, times_vector, turned
+
+__all__ = ["RootPositions", "node_positions", "zero_pose"]
+
+RootPositions = Literal["add", "replace"]
+
+BLOCK: Final = 1024  # frames
+
+
+def node_positions(
+    recording: Recording,
+    nodes: Collection[int],
+    positions: RootPositions = "add",
+    frames: slice | FloatArray = slice(None),
+) -> FloatArray:
+    """Compute where nodes are, in the units and axes of the file.
+
+    Parameters
+    ----------
+    recording : Recording
+        The skeleton and its channels.
+    nodes : collection of int
+        The nodes wanted, K of them; only these and their ancestors are computed.
+    positions : {"add", "replace"}
+        Whether a node's position channels add to its offset or replace it.
+    frames : slice or ndarray of int
+        The frames wanted, T of them; by default all.
+
+    Returns
+    -------
+    ndarray of float64, shape (T, K, 3)
+        In file units.
+    """
+    values = recording.values[frames]
+    wanted = list(nodes)
+    result = np.empty((len(values), len(wanted), 3))
+    for begin in range(0, len(values), BLOCK):
+        block = np.ascontiguousarray(values[begin : begin + BLOCK].T)
+        points = _points(recording, wanted, positions, block)
+        for k, node in enumerate(wanted):
+            result[begin : begin + BLOCK, k] = points[node].T
+    return result
+
+
+def zero_pose(skeleton: Skeleton) -> FloatArray:
+    """Return the points of all nodes with all channels 0 and the root at the origin.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        The skeleton.
+
+    Returns
+    -------
+    ndarray of float64, shape (N, 3)
+        In file units.
+    """
+    points = skeleton.offsets.copy()
+    points[0] = 0
+    for node, parent in enumerate(skeleton.parents[1:], start=1):
+        points[node] += points[parent]
+    return points
+
+
+def _points(
+    recording: Recording, wanted: list[int], positions: RootPositions, values: FloatArray
+) -> dict[int, FloatArray]:
+    """Return the points (3, T) of nodes and their ancestors for one block of channels (C, T)."""
+    skeleton = recording.skeleton
+    needed = _with_ancestors(skeleton, wanted)
+    turning = needed if skeleton.turned_by == "own" else {
+        int(skeleton.parents[n]) for n in needed if n
+    }
+    channels = _channels_of(recording, needed)
+    frames = skeleton.axes if skeleton.axes is not None else np.broadcast_to(
+        np.eye(3), (len(skeleton.names), 3, 3)
+    )
+    identity = np.broadcast_to(np.eye(3)[:, :, None], (3, 3, values.shape[1]))
+    points: dict[int, FloatArray] = {-1: np.zeros((3, values.shape[1]))}
+    # The rotation of a node is C M C' with C its own constant frame. What is kept is the
+    # product up to M, so that C' of a node and C of its child are one constant factor.
+    turns: dict[int, FloatArray] = {-1: identity}
+    undo: dict[int, FloatArray] = {-1: np.eye(3)}
+    for node in sorted(needed):
+        parent = int(skeleton.parents[node])
+        if node in turning:
+            change = undo[parent] @ frames[node]
+            turn = turns[parent]
+            if not np.array_equal(change, np.eye(3)):
+                turn = multiplied(turn, change)
+            for channel, kind in channels.get(node, ()):
+                if kind >= 3:
+                    turn = turned(turn, kind - 3, values[channel])
+            turns[node] = turn
+            undo[node] = frames[node].T
+        offset = _offset(skeleton.offsets[node], channels.get(node, []), positions, values)
+        if skeleton.turned_by == "own" and parent >= 0:
+            by = node
+        else:
+            by = parent
+        if by >= 0:
+            offset = times_vector(turns[by], undo[by] @ offset)
+        points[node] = points[parent] + (offset if offset.ndim == 2 else offset[:, None])
+    return points
+
+
+def _with_ancestors(skeleton: Skeleton, nodes: list[int]) -> set[int]:
+    needed: set[int] = set()
+    for node in nodes:
+        while node >= 0 and node not in needed:
+            needed.add(node)
+            node = int(skeleton.parents[node])
+    return needed
+
+
+def _channels_of(recording: Recording, nodes: set[int]) -> dict[int, list[tuple[int, int]]]:
+    """Return column and kind of the channels of each node, in their order."""
+    channels: dict[int, list[tuple[int, int]]] = {}
+    for column, (node, kind) in enumerate(
+        zip(recording.channel_nodes.tolist(), recording.channel_kinds.tolist(), strict=True)
+    ):
+        if node in nodes:
+            channels.setdefault(node, []).append((column, kind))
+    return channels
+
+
+def _offset(
+    offset: FloatArray,
+    channels: list[tuple[int, int]],
+    positions: RootPositions,
+    values: FloatArray,
+) -> FloatArray:
+    """Return a node's offset (3,), or (3, T) where position channels move it."""
+    moves = [(column, kind) for column, kind in channels if kind < 3]
+    if not moves:
+        return offset
+    moved = np.repeat(offset[:, None], values.shape[1], axis=1)
+    for column, kind in moves:
+        moved[kind] = values[column] + (offset[kind] if positions == "add" else 0.0)
+    return moved
