@@ -163,6 +163,8 @@ class InvertedLists:
         Runs of each word.
     runs : int
         As above.
+    size : int
+        Bytes of all the lists together.
 
     Raises
     ------
@@ -181,6 +183,7 @@ class InvertedLists:
         self.words: NDArray[np.uint32] = np.ascontiguousarray(entries["word"])
         self.counts: IndexArray = entries["count"].astype(np.int64)
         self.runs = runs
+        self.size = int(entries["size"].sum(dtype=np.int64))
         self._ends = offset + np.cumsum(entries["size"], dtype=np.int64)
         self._starts = self._ends - entries["size"]
         self._digests = entries["digest"]

@@ -1,22 +1,33 @@
-"""One protocol for all modes: each equals its definition, and they equal each other where due."""
+"""One protocol for all modes: each equals its definition, and they agree where they should."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests import naive_queries as naive
 
 from mocapidx.errors import ParameterError
+from mocapidx.queries import source as source_module
 from mocapidx.queries.adaptive import adaptive_hits
 from mocapidx.queries.evaluate import DocumentGroup, evaluate
 from mocapidx.queries.exact import exact_hits
 from mocapidx.queries.fuzzy import fuzzy_hits
 from mocapidx.queries.source import source_from_words
 from mocapidx.queries.steps import FuzzyQuery, FuzzySet, join_intersecting, steps_from_example
+from tests import naive_queries as naive
 
 BITS = (0, 1, 2, 5, 6, 40, 63)  # of the features; neighbours, gaps and the last bit there is
 MASKS = {"upper": 0b111, "lower": 0b1100000, "mix": 1 << 40 | 1 << 63}
 ALL = sum(1 << bit for bit in BITS)
+
+
+@pytest.fixture(params=[0, 10**9], ids=["lists", "table"], autouse=True, scope="module")
+def way(request):
+    """Answer from the inverted lists alone, or by looking at all runs where that can be."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(source_module, "LIST_COST", request.param)
+        yield
 
 
 def word_of(code):
@@ -181,8 +192,6 @@ def untouchable():
 @pytest.mark.parametrize("mode", ["exact", "fuzzy", "adaptive"])
 @pytest.mark.parametrize("mask", [0b111, 0b1])
 def test_sub_indexes_that_are_not_selected_stay_closed(mode, mask):
-    from dataclasses import replace
-
     source = source_of([[1, 2, 64, 1]])
     closed = [
         replace(part, read_starts=untouchable, read_words=untouchable, open_lists=untouchable)
