@@ -8,7 +8,7 @@ from functools import lru_cache
 from hashlib import blake2b
 from importlib.resources import files
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from mocapidx.model import IndexArray
 
 __all__ = [
     "PARTS",
+    "AnyFeatureSet",
     "Feature",
     "FeatureSet",
     "load_feature_set",
@@ -107,7 +108,10 @@ class FeatureSet:
         return mask
 
 
-def load_feature_set(name_or_path: str | Path | FeatureSet) -> FeatureSet:
+AnyFeatureSet: TypeAlias = str | Path | FeatureSet
+
+
+def load_feature_set(name_or_path: AnyFeatureSet) -> FeatureSet:
     """Return a shipped feature set by its name, or read one from a TOML file.
 
     Parameters

@@ -1,0 +1,142 @@
+"""What a motion's joints can be trusted to tell: lengths of the body and sound features."""
+
+from collections.abc import Iterable
+from typing import Final
+
+import numpy as np
+
+from mocapidx.features.featureset import AnyFeatureSet, load_feature_set
+from mocapidx.features.kinds import CANONICAL_JOINTS, KINDS
+from mocapidx.features.relations import Condition, joint_names, leaves
+from mocapidx.model import BoolArray, FloatArray, Motion
+
+__all__ = ["absent_joints", "body_lengths", "untrusted_features"]
+
+# Joints nearer than this throughout a take, in metres, are one point: far above the noise of
+# single precision 100 m from the origin, far below the size of any bone.
+COINCIDENT: Final = 1e-4
+
+LENGTHS: Final = {
+    "hl": (("lshoulder", "lelbow"), ("rshoulder", "relbow")),
+    "sw": (("lshoulder", "rshoulder"),),
+    "hw": (("lhip", "rhip"),),
+}
+
+
+def body_lengths(motion: Motion) -> dict[str, float]:
+    """Measure the lengths that thresholds are given in.
+
+    Parameters
+    ----------
+    motion : Motion
+        Measured on the zero pose where there is one, else as the median over the frames.
+
+    Returns
+    -------
+    dict of str to float
+        Metres in one ``hl`` (humerus length, mean of both sides), ``sw`` (shoulder width),
+        ``hw`` (hip width) and ``m``; NaN where the joints are missing or one point.
+    """
+    rows = {joint: i for i, joint in enumerate(motion.joints)}
+    lengths = {"m": 1.0}
+    for unit, bones in LENGTHS.items():
+        found = [
+            _bone_length(motion, rows[start], rows[end])
+            for start, end in bones
+            if start in rows and end in rows
+        ]
+        known = [length for length in found if length > COINCIDENT]
+        lengths[unit] = sum(known) / len(known) if known else np.nan
+    return lengths
+
+
+def untrusted_features(motion: Motion, feature_set: AnyFeatureSet = "f39") -> int:
+    """Return the features that the joints of a motion can't tell.
+
+    Parameters
+    ----------
+    motion : Motion
+        At any rate.
+    feature_set : str, Path or FeatureSet
+        A shipped name, the path of a TOML file, or a set.
+
+    Returns
+    -------
+    int
+        Bit i is set where feature i names a joint, or is measured in a length between joints,
+        that is missing or made up, or needs two joints apart that are one point throughout.
+    """
+    rows = {joint: i for i, joint in enumerate(motion.joints)}
+    absent = absent_joints(motion.positions)
+    bad = set(motion.made) | {joint for joint, row in rows.items() if absent[row]}
+    real = {joint for joint in CANONICAL_JOINTS if joint in rows and joint not in bad}
+    one_point: dict[tuple[str, str], bool] = {}
+
+    def coincide(first: str, second: str) -> bool:
+        pair = (first, second) if first < second else (second, first)
+        if pair not in one_point:
+            one_point[pair] = _coincide(motion, rows[first], rows[second])
+        return one_point[pair]
+
+    def is_trusted(condition: Condition) -> bool:
+        if not real.issuperset(joint_names(condition.joints)):
+            return False
+        unit = condition.unit.removesuffix("/s")
+        if unit in LENGTHS and not any(
+            real.issuperset(bone) and not coincide(*bone) for bone in LENGTHS[unit]
+        ):
+            return False
+        return not any(coincide(*pair) for pair in _pairs_apart(condition))
+
+    trusted: dict[Condition, bool] = {}
+    mask = 0
+    for i, feature in enumerate(load_feature_set(feature_set).features):
+        for leaf in leaves(feature.condition):
+            if leaf not in trusted:
+                trusted[leaf] = is_trusted(leaf)
+            if not trusted[leaf]:
+                mask |= 1 << i
+    return mask
+
+
+def absent_joints(positions: FloatArray) -> BoolArray:
+    """Return which joints have no position in any frame.
+
+    Parameters
+    ----------
+    positions : ndarray of float, shape (T, J, 3)
+        NaN where a position is unknown.
+
+    Returns
+    -------
+    ndarray of bool, shape (J,)
+    """
+    return np.asarray(np.isnan(positions).any(axis=2).all(axis=0), dtype=np.bool_)
+
+
+def _bone_length(motion: Motion, start: int, end: int) -> float:
+    """Return the distance of two joints in metres; NaN where it is unknown."""
+    if motion.rest is not None:
+        length = float(np.linalg.norm(motion.rest[end] - motion.rest[start]))
+        if length > COINCIDENT:
+            return length
+    bone = motion.positions[:, end].astype(np.float64) - motion.positions[:, start]
+    lengths = np.sqrt((bone * bone).sum(axis=1))
+    known = lengths[np.isfinite(lengths)]
+    return float(np.median(known)) if len(known) else np.nan
+
+
+def _coincide(motion: Motion, first: int, second: int) -> bool:
+    """Return whether two joints are one point in all frames that have both."""
+    for frames in (slice(1), slice(None)):  # nearly always the first frame tells
+        gap = motion.positions[frames, second].astype(np.float64) - motion.positions[frames, first]
+        if (np.abs(gap) > COINCIDENT).any():
+            return False
+    return True
+
+
+def _pairs_apart(condition: Condition) -> Iterable[tuple[str, str]]:
+    for first, second in KINDS[condition.kind].apart:
+        for one in joint_names(condition.joints[first : first + 1]):
+            for other in joint_names(condition.joints[second : second + 1]):
+                yield one, other
