@@ -27,7 +27,7 @@ from mocapidx.store.manifest import (
     file_digest,
 )
 
-__all__ = ["decode_manifest", "documents_json", "encode_manifest", "settings_json", "to_json"]
+__all__ = ["decode_manifest", "encode_manifest", "meta_json"]
 
 DIGEST: Final = re.compile(r"[0-9a-f]{64}", re.ASCII)
 HEX: Final = re.compile(r"(?:[0-9a-f]{2})*", re.ASCII)
@@ -73,9 +73,9 @@ def encode_manifest(manifest: Manifest) -> bytes:
     roots: dict[str, int] = {}
     rigs: dict[str, int] = {}
     files = [_file_json(file, roots, rigs) for file in manifest.files]
-    body = to_json(
+    body = _to_json(
         {
-            **settings_json(manifest.settings),
+            **_settings_json(manifest.settings),
             "generation": manifest.generation,
             "next": manifest.next_number,
             "roots": list(roots),
@@ -91,60 +91,33 @@ def encode_manifest(manifest: Manifest) -> bytes:
     return file_digest(body).hexdigest().encode() + b"\n" + body
 
 
-def settings_json(settings: StoreSettings) -> dict[str, Any]:
-    """Format, version and settings, as the manifest and each segment file have them.
-
-    Parameters
-    ----------
-    settings : StoreSettings
-        What to write.
-
-    Returns
-    -------
-    dict
-        Ready for JSON.
-    """
-    return {
-        "format": schema.FORMAT,
-        "version": schema.FORMAT_VERSION,
-        "rate": settings.rate,
-        "poses": settings.poses,
-        "feature_set": {
-            "name": settings.feature_set_name,
-            "digest": settings.feature_set_digest,
-            "text": settings.feature_set_text,
-        },
-    }
-
-
-def documents_json(
-    documents: Iterable[Document], roots: dict[str, int], rigs: dict[str, int]
-) -> dict[str, list[Any]]:
-    """Documents by column; roots and rigs become numbers.
+def meta_json(documents: Iterable[Document], settings: StoreSettings) -> bytes:
+    """Say in a segment file itself what it holds, for a day without the manifest.
 
     Parameters
     ----------
     documents : iterable of Document
-        What to write.
-    roots, rigs : dict of str to int
-        Numbers given so far; new ones are added. A rig's key is its JSON text.
+        In the order in which their frames lie; all count as live.
+    settings : StoreSettings
+        Of the store.
 
     Returns
     -------
-    dict of str to list
-        One list for each field, all of the same length.
+    bytes
+        JSON in ASCII.
     """
-    columns: dict[str, list[Any]] = {entry.name: [] for entry in fields(Document)}
-    texts: dict[int, str] = {}  # documents share few rigs, so each object is written once
-    for document in documents:
-        rig = texts.get(id(document.rig))
-        if rig is None:
-            rig = texts[id(document.rig)] = json.dumps(dict(document.rig), sort_keys=True)
-        for name, column in columns.items():
-            column.append(getattr(document, name))
-        columns["root"][-1] = roots.setdefault(document.root, len(roots))
-        columns["rig"][-1] = rigs.setdefault(rig, len(rigs))
-    return columns
+    roots: dict[str, int] = {}
+    rigs: dict[str, int] = {}
+    columns = _documents_json(documents, roots, rigs)
+    del columns["live"]
+    return _to_json(
+        {
+            **_settings_json(settings),
+            "roots": list(roots),
+            "rigs": [json.loads(rig) for rig in rigs],
+            "documents": columns,
+        }
+    )
 
 
 def decode_manifest(data: bytes, path: Path) -> Manifest:
@@ -179,19 +152,39 @@ def decode_manifest(data: bytes, path: Path) -> Manifest:
         ) from exc
 
 
-def to_json(value: Any) -> bytes:
-    """Write JSON in ASCII, which keeps lone surrogates, without any spaces.
+def _settings_json(settings: StoreSettings) -> dict[str, Any]:
+    return {
+        "format": schema.FORMAT,
+        "version": schema.FORMAT_VERSION,
+        "rate": settings.rate,
+        "poses": settings.poses,
+        "feature_set": {
+            "name": settings.feature_set_name,
+            "digest": settings.feature_set_digest,
+            "text": settings.feature_set_text,
+        },
+    }
 
-    Parameters
-    ----------
-    value : object
-        Made of what JSON has.
 
-    Returns
-    -------
-    bytes
-        One line.
-    """
+def _documents_json(
+    documents: Iterable[Document], roots: dict[str, int], rigs: dict[str, int]
+) -> dict[str, list[Any]]:
+    """Lay documents out by column; roots and rigs (by their JSON text) become numbers."""
+    columns: dict[str, list[Any]] = {entry.name: [] for entry in fields(Document)}
+    texts: dict[int, str] = {}  # documents share few rigs, so each object is written once
+    for document in documents:
+        rig = texts.get(id(document.rig))
+        if rig is None:
+            rig = texts[id(document.rig)] = json.dumps(dict(document.rig), sort_keys=True)
+        for name, column in columns.items():
+            column.append(getattr(document, name))
+        columns["root"][-1] = roots.setdefault(document.root, len(roots))
+        columns["rig"][-1] = rigs.setdefault(rig, len(rigs))
+    return columns
+
+
+def _to_json(value: Any) -> bytes:
+    # ASCII keeps lone surrogates, which stand for undecodable bytes in names.
     return json.dumps(value, separators=(",", ":"), allow_nan=False).encode("ascii")
 
 
@@ -211,7 +204,7 @@ def _file_json(file: SegmentFile, roots: dict[str, int], rigs: dict[str, int]) -
             }
             for path, dataset in sorted(file.datasets.items())
         },
-        "documents": documents_json(file.documents, roots, rigs),
+        "documents": _documents_json(file.documents, roots, rigs),
     }
 
 

@@ -28,10 +28,39 @@ from mocapidx.store.manifest import (
     file_digest,
 )
 
-__all__ = ["Snapshot", "damaged", "open_regular", "open_store", "read_exactly", "read_manifest"]
+__all__ = [
+    "DamagedError",
+    "Snapshot",
+    "open_regular",
+    "open_store",
+    "read_exactly",
+    "read_manifest",
+]
 
 ATTEMPTS: Final = 5
 MOVED: Final = frozenset({errno.ENOENT, errno.ESTALE})
+
+
+class DamagedError(StoreError):
+    """A segment file is not what the manifest says.
+
+    Parameters
+    ----------
+    store : Path
+        Folder of the store.
+    name : str
+        Of the file in the folder of segments.
+    what : str
+        What was found.
+    """
+
+    def __init__(self, store: Path, name: str, what: str) -> None:
+        super().__init__(
+            f"{store / schema.SEGMENTS / name}: damaged ({what}); "
+            f"run 'mocapidx verify {store} --repair'"
+        )
+        self.name = name
+        self.what = what
 
 
 class Snapshot:
@@ -112,7 +141,7 @@ class Snapshot:
             number = (first + place) // schema.BLOCK
             expected = dataset.blocks[32 * number : 32 * number + 32]
             if block_digest(view[place : place + schema.BLOCK]) != expected:
-                raise damaged(
+                raise DamagedError(
                     self.path, file.names[0], f"{path} does not match its digest at MiB {number}"
                 )
         values = np.frombuffer(view[begin - first : end - first], dtype=column.dtype)
@@ -141,7 +170,7 @@ class Snapshot:
             If the range does not lie in the index, or its head is damaged.
         """
         if not (offset >= 0 and size >= 0 and offset + size <= file.idx.size):
-            raise damaged(self.path, file.names[1], f"no bytes {offset} to {offset + size}")
+            raise DamagedError(self.path, file.names[1], f"no bytes {offset} to {offset + size}")
         known = self.index_head(file)[offset : offset + size]
         rest = size - len(known)
         return known + self._read(file, 1, offset + len(known), rest) if rest else known
@@ -168,7 +197,7 @@ class Snapshot:
         if head is None:
             head = self._read(file, 1, 0, file.head.size)
             if file_digest(head).hexdigest() != file.head.digest:
-                raise damaged(self.path, file.names[1], "its head does not match its digest")
+                raise DamagedError(self.path, file.names[1], "its head does not match its digest")
             self._heads[file.number] = head
         return head
 
@@ -225,7 +254,7 @@ class Snapshot:
         try:
             return read_exactly(self._open(file, which), offset, size)
         except (OSError, EOFError) as exc:
-            raise damaged(self.path, name, _reason(exc)) from exc
+            raise DamagedError(self.path, name, _reason(exc)) from exc
 
 
 def open_store(path: Path) -> Snapshot:
@@ -255,7 +284,7 @@ def open_store(path: Path) -> Snapshot:
             # A commit may have taken files away since the manifest was read: look again.
             if exc.errno not in MOVED or attempt == ATTEMPTS:
                 name = os.path.basename(exc.filename or "") or schema.SEGMENTS
-                raise damaged(path, name, _reason(exc)) from exc
+                raise DamagedError(path, name, _reason(exc)) from exc
     raise StoreError(f"{path}: its manifest changes too often")
 
 
@@ -321,15 +350,15 @@ def open_segment(store: Path, name: str, record: FileRecord) -> int:
         If it can't be opened.
     """
     if not schema.SEGMENT_NAME.fullmatch(name):
-        raise damaged(store, name, "no name of a segment file")
+        raise DamagedError(store, name, "no name of a segment file")
     folder = store / schema.SEGMENTS
     if stat.S_ISLNK(os.lstat(folder).st_mode):
-        raise damaged(store, "", "a symbolic link")
+        raise DamagedError(store, "", "a symbolic link")
     descriptor = open_regular(folder / name)
     size = os.fstat(descriptor).st_size
     if size != record.size:
         os.close(descriptor)
-        raise damaged(store, name, f"{size} bytes, expected {record.size}")
+        raise DamagedError(store, name, f"{size} bytes, expected {record.size}")
     return descriptor
 
 
@@ -389,29 +418,6 @@ def read_exactly(descriptor: int, offset: int, size: int) -> bytes:
         pieces.append(piece)
         offset, size = offset + len(piece), size - len(piece)
     return pieces[0] if len(pieces) == 1 else b"".join(pieces)
-
-
-def damaged(store: Path, name: str, what: str) -> StoreError:
-    """Say that a segment file is damaged, and what to do.
-
-    Parameters
-    ----------
-    store : Path
-        Folder of the store.
-    name : str
-        Of the file in the folder of segments.
-    what : str
-        What was found.
-
-    Returns
-    -------
-    StoreError
-        To be raised.
-    """
-    return StoreError(
-        f"{store / schema.SEGMENTS / name}: damaged ({what}); "
-        f"run 'mocapidx verify {store} --repair'"
-    )
 
 
 def _reason(error: OSError | EOFError) -> str:

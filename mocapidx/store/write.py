@@ -7,7 +7,6 @@ one. Whatever a killed writer leaves behind, the next one removes.
 """
 
 import contextlib
-import json
 import os
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -20,7 +19,7 @@ from numpy.typing import NDArray
 from mocapidx.durable import replace_file, sync_folder, write_error
 from mocapidx.errors import MocapidxError, ParameterError, StoreError, WriteError
 from mocapidx.store import schema
-from mocapidx.store.encoding import documents_json, encode_manifest, settings_json, to_json
+from mocapidx.store.encoding import encode_manifest, meta_json
 from mocapidx.store.image import lay_out
 from mocapidx.store.lock import locked
 from mocapidx.store.manifest import (
@@ -152,6 +151,33 @@ class Writer:
             raise ParameterError(f"{self.path}: a merge must keep the documents as they are")
         return self._publish(batch, dead=set(), dropped={file.number for file in files})
 
+    def set_aside(self, files: Collection[SegmentFile]) -> list[Path]:
+        """Take damaged segment files, with their documents, out of the store.
+
+        Parameters
+        ----------
+        files : collection of SegmentFile
+            Which.
+
+        Returns
+        -------
+        list of Path
+            What they are called now; no command touches them again.
+
+        Raises
+        ------
+        WriteError
+            As `commit` does.
+        """
+        self._publish(None, dead=(), dropped={file.number for file in files})
+        folder = self.path / schema.SEGMENTS
+        moved = []
+        for name in (name for file in files for name in file.names):
+            with contextlib.suppress(FileNotFoundError):
+                os.rename(folder / name, folder / f"damaged-{name}")
+                moved.append(folder / f"damaged-{name}")
+        return moved
+
     def _publish(
         self, batch: Batch | None, dead: Collection[str], dropped: Collection[int]
     ) -> Snapshot:
@@ -192,7 +218,7 @@ class Writer:
             path: (values,) if isinstance(values, np.ndarray) else values
             for path, values in batch.arrays.items()
         }
-        meta = np.frombuffer(_meta(batch, self.settings), dtype=schema.META.dtype)
+        meta = np.frombuffer(meta_json(batch.documents, self.settings), dtype=schema.META.dtype)
         image = lay_out(
             {schema.META.path: meta.shape, **_shapes(batch)},
             {schema.META.path: (meta,), **contents},
@@ -452,20 +478,6 @@ def _shapes(batch: Batch) -> dict[str, tuple[int, ...]]:
         rows = len(values) if isinstance(values, np.ndarray) else frames
         shapes[path] = (rows, *schema.column(path).trailing)
     return shapes
-
-
-def _meta(batch: Batch, settings: StoreSettings) -> bytes:
-    roots: dict[str, int] = {}
-    rigs: dict[str, int] = {}
-    documents = documents_json(batch.documents, roots, rigs)
-    return to_json(
-        {
-            **settings_json(settings),
-            "roots": list(roots),
-            "rigs": [json.loads(rig) for rig in rigs],
-            "documents": documents,
-        }
-    )
 
 
 def _size(batch: Batch | None) -> int | None:

@@ -1,0 +1,201 @@
+"""Verify a store, down to every inverted list; repair what can be rebuilt."""
+
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import accumulate, pairwise
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from mocapidx.features.featureset import PARTS, FeatureSet, parse_feature_set
+from mocapidx.index.build import build_runs
+from mocapidx.index.postings import encode_index
+from mocapidx.store.manifest import SegmentFile, StoreSettings
+from mocapidx.store.read import DamagedError, Snapshot, read_manifest
+from mocapidx.store.verify import Problem, check_blocks, check_digests, check_schemas
+from mocapidx.store.write import writing
+from mocapidx.tasks.batch import merged_batch
+
+__all__ = ["VerifyReport", "verify_store"]
+
+ATTEMPTS: Final = 5
+
+
+@dataclass(frozen=True, slots=True)
+class VerifyReport:
+    """What `verify_store` found and did.
+
+    Parameters
+    ----------
+    documents, files, size : int
+        Live documents, segment files and bytes that were looked at.
+    problems : tuple of str
+        One line each, with the file; empty for a sound store.
+    rebuilt : tuple of Path
+        Index files that were built again from their HDF5 file.
+    set_aside : tuple of Path
+        Damaged files, under their new names.
+    lost : tuple of Path
+        Motion files whose documents were in them: to be indexed again.
+    """
+
+    documents: int
+    files: int
+    size: int
+    problems: tuple[str, ...]
+    rebuilt: tuple[Path, ...] = ()
+    set_aside: tuple[Path, ...] = ()
+    lost: tuple[Path, ...] = ()
+
+
+def verify_store(
+    path: Path,
+    *,
+    quick: bool = False,
+    repair: bool = False,
+    lock_timeout: float = 0.0,
+    use_lock: bool = True,
+    progress: Callable[[int, int], None] | None = None,
+) -> VerifyReport:
+    """Look for damage in a store.
+
+    Parameters
+    ----------
+    path : Path
+        Folder of the store.
+    quick : bool
+        Compare sizes and digests of whole files only. Otherwise also every dataset's blocks
+        and metadata, the HDF5 files with the closed schema (by HDF5 itself, in a child process
+        with limits), the runs with the feature words and every inverted list with the runs.
+    repair : bool
+        Build damaged indexes again, and set segment files aside whose HDF5 file is damaged.
+    lock_timeout : float
+        How long a repair waits for another writer, in seconds.
+    use_lock : bool
+        False repairs without a lock, at the caller's risk.
+    progress : callable, optional
+        Called with the steps done and their number.
+
+    Returns
+    -------
+    VerifyReport
+        A damaged segment file is a problem in it, no error.
+
+    Raises
+    ------
+    StoreError
+        If there is no store or its manifest is damaged.
+    LockedError, WriteError
+        If a repair can't write.
+
+    References
+    ----------
+    .. [1] Mueller, Roeder, Clausen, SIGGRAPH 2005, section 5.1, for what the lists hold.
+    """
+    report = progress or (lambda done, total: None)
+    if repair:
+        return _repair(path, quick, lock_timeout, use_lock, report)
+    for attempt in range(1, ATTEMPTS + 1):
+        with Snapshot(path, read_manifest(path)) as snapshot:
+            problems = _problems(snapshot, quick, report)
+            # A merge beside us may have taken files away; then they are no problem.
+            if not problems or attempt == ATTEMPTS or read_manifest(path) == snapshot.manifest:
+                break
+    return _summary(snapshot, problems)
+
+
+def _repair(
+    path: Path, quick: bool, lock_timeout: float, use_lock: bool, report: Callable[[int, int], None]
+) -> VerifyReport:
+    with writing(path, command="verify", lock_timeout=lock_timeout, use_lock=use_lock) as writer:
+        before = writer.snapshot
+        problems = _problems(before, quick, report)
+        broken = {problem.number for problem in problems if not problem.only_index}
+        stale = {problem.number for problem in problems} - broken
+        lost = [file for file in before.files if file.number in broken]
+        set_aside = writer.set_aside(lost) if lost else []
+        rebuilt = []
+        for file in before.files:
+            if file.number in stale:
+                batch = merged_batch(before, [file], _feature_set(path, before.manifest.settings))
+                after = writer.replace(batch, [file])
+                rebuilt.append(path / "segments" / after.files[-1].names[1])
+    sources = sorted(
+        entry.document.source for file in lost for entry in file.placed() if entry.document.live
+    )
+    return _summary(before, problems, tuple(rebuilt), tuple(set_aside), tuple(sources))
+
+
+def _summary(
+    snapshot: Snapshot,
+    problems: list[Problem],
+    rebuilt: tuple[Path, ...] = (),
+    set_aside: tuple[Path, ...] = (),
+    lost: tuple[Path, ...] = (),
+) -> VerifyReport:
+    lines = (f"{snapshot.path / 'segments' / found.name}: {found.what}" for found in problems)
+    return VerifyReport(
+        documents=len(snapshot.documents()),
+        files=len(snapshot.files),
+        size=sum(file.h5.size + file.idx.size for file in snapshot.files),
+        problems=tuple(lines),
+        rebuilt=rebuilt,
+        set_aside=set_aside,
+        lost=lost,
+    )
+
+
+def _problems(snapshot: Snapshot, quick: bool, report: Callable[[int, int], None]) -> list[Problem]:
+    total = len(snapshot.files)
+    found: list[Problem] = []
+    for done, file in enumerate(snapshot.files):
+        report(done, 2 * total)
+        found += check_digests(snapshot.path, [file])
+    if not quick:
+        found += check_schemas(snapshot.path, _sound(snapshot.files, found))
+        for done, file in enumerate(_sound(snapshot.files, found), start=total):
+            report(done, 2 * total)
+            found += _contents(snapshot, file, {problem.name for problem in found})
+    report(2 * total, 2 * total)
+    return found
+
+
+def _sound(files: Sequence[SegmentFile], found: Sequence[Problem]) -> list[SegmentFile]:
+    """Choose the files of which no HDF5 file is known to be damaged."""
+    broken = {problem.number for problem in found if not problem.only_index}
+    return [file for file in files if file.number not in broken]
+
+
+def _contents(snapshot: Snapshot, file: SegmentFile, known: Collection[str]) -> list[Problem]:
+    """Look into a segment file whose HDF5 file is the one that was written."""
+    found = [problem for problem in check_blocks(snapshot, file) if problem.name not in known]
+    if _sound([file], found):
+        found += _relations(snapshot, file, check_index=not found and file.names[1] not in known)
+    return found
+
+
+def _relations(snapshot: Snapshot, file: SegmentFile, check_index: bool) -> Iterator[Problem]:
+    """Build runs and lists again from the feature words and compare."""
+    feature_set = _feature_set(snapshot.path, snapshot.manifest.settings)
+    h5_name, idx_name = file.names
+    try:
+        words = snapshot.array(file, "frames/words")
+        bounds = pairwise(accumulate((entry.frames for entry in file.documents), initial=0))
+        documents = [words[start:stop] for start, stop in bounds]
+        runs = {part: build_runs(documents, feature_set.part_mask(part)) for part in PARTS}
+        for part, expected in runs.items():
+            for name, values in (("starts", expected.starts), ("words", expected.words)):
+                if not np.array_equal(snapshot.array(file, f"runs/{part}/{name}"), values):
+                    what = f"runs/{part}/{name} does not follow from frames/words"
+                    yield Problem(file.number, h5_name, what)
+        if check_index:
+            index, _ = encode_index({part: expected.words for part, expected in runs.items()})
+            if index != snapshot.index_bytes(file, 0, file.idx.size):
+                yield Problem(file.number, idx_name, "its lists are not those of the runs")
+    except DamagedError as exc:
+        yield Problem(file.number, exc.name, exc.what)
+
+
+def _feature_set(path: Path, settings: StoreSettings) -> FeatureSet:
+    return parse_feature_set(settings.feature_set_text, str(path))
