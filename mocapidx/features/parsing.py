@@ -263,7 +263,7 @@ def _one_place(entry: Any, kind: str, here: _Place) -> Place:
     if isinstance(entry, list) and kind == "touch":
         if len(entry) != 2 or any(isinstance(joint, list) for joint in entry):
             here.fail(f"key 'joints': a segment has two joints, found {_shown(entry)}")
-        start, end = sorted(str(_one_place(joint, kind, here)) for joint in entry)
+        start, end = (str(_one_place(joint, kind, here)) for joint in entry)
         if start == end:
             here.fail(f"key 'joints': a segment has two different joints, found {start!r} twice")
         return start, end

@@ -137,8 +137,8 @@ def mirrored(condition: Condition, known: Sequence[str]) -> Condition:
 def _mirrored_place(place: Place, known: Sequence[str]) -> Place:
     if isinstance(place, str):
         return mirror_joint(place, known)
-    start, end = sorted(mirror_joint(joint, known) for joint in place)
-    return start, end
+    start, end = place
+    return mirror_joint(start, known), mirror_joint(end, known)
 
 
 def normal_form(condition: Condition) -> Condition:
@@ -149,9 +149,17 @@ def normal_form(condition: Condition) -> Condition:
     """
     if condition.kind in COMBINATIONS:
         return replace(condition, of=tuple(sorted(map(normal_form, condition.of), key=repr)))
-    orders = ((*range(len(condition.joints)),), *KINDS[condition.kind].same)
-    joints = min((tuple(condition.joints[i] for i in order) for order in orders), key=repr)
+    places = [_sorted_place(place) for place in condition.joints]
+    orders = (tuple(range(len(places))), *KINDS[condition.kind].same)
+    joints = min((tuple(places[i] for i in order) for order in orders), key=repr)
     return replace(condition, joints=joints)
+
+
+def _sorted_place(place: Place) -> Place:
+    if isinstance(place, str):
+        return place
+    start, end = sorted(place)
+    return start, end
 
 
 def open_interval(condition: Condition, threshold: Threshold) -> tuple[float, float]:
