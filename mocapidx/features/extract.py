@@ -8,7 +8,7 @@ import numpy as np
 
 from mocapidx.features.featureset import AnyFeatureSet, load_feature_set
 from mocapidx.features.geometry import Poses, difference_quotient
-from mocapidx.features.kinds import CANONICAL_JOINTS, KINDS, Place
+from mocapidx.features.kinds import KINDS, Place
 from mocapidx.features.relations import (
     Condition,
     combine,
@@ -19,6 +19,8 @@ from mocapidx.features.relations import (
 )
 from mocapidx.features.trust import absent_joints, body_lengths, untrusted_features
 from mocapidx.model import BoolArray, FloatArray, Motion
+from mocapidx.skeleton.joints import CANONICAL_JOINTS, INDEX
+from mocapidx.skeleton.resample import resample_motion
 
 __all__ = [
     "Margins",
@@ -182,20 +184,15 @@ def condition_values(
 
 
 def _at_rate(motion: Motion, rate: float) -> Motion:
-    if motion.rate == rate:
-        return motion
-    from mocapidx.skeleton.resample import resample_motion
-
-    return resample_motion(motion, rate)
+    return motion if motion.rate == rate else resample_motion(motion, rate)
 
 
 def _blocks(motion: Motion) -> Iterator[tuple[int, Poses]]:
     """Yield stretches of frames, each with the number of its first frame."""
-    rows = {joint: i for i, joint in enumerate(CANONICAL_JOINTS)}
     columns = {joint: i for i, joint in enumerate(motion.joints)}
     known = [joint for joint in CANONICAL_JOINTS if joint in columns]
     sources = [columns[joint] for joint in known]
-    targets = [rows[joint] for joint in known]
+    targets = [INDEX[joint] for joint in known]
     absent = absent_joints(motion.positions[:, sources])
     present = np.array(targets, dtype=np.int64)[~absent]
     frames = len(motion.positions)
@@ -203,11 +200,11 @@ def _blocks(motion: Motion) -> Iterator[tuple[int, Poses]]:
         stop = min(start + BLOCK, frames)
         # One frame more on each side, for the velocities.
         first, last = max(start - 1, 0), min(stop + 1, frames)
-        points = np.full((len(rows), 3, last - first), np.nan)
+        points = np.full((len(INDEX), 3, last - first), np.nan)
         points[targets] = motion.positions[first:last, sources].transpose(1, 2, 0)
         velocities = difference_quotient(points, motion.rate)
         inner = slice(start - first, stop - first)
-        yield start, Poses(rows, points[:, :, inner], velocities[:, :, inner], present)
+        yield start, Poses(INDEX, points[:, :, inner], velocities[:, :, inner], present)
 
 
 def _values(

@@ -19,15 +19,9 @@ from mocapidx.features.geometry import (
 )
 from mocapidx.model import FloatArray
 
-__all__ = ["CANONICAL_JOINTS", "KINDS", "UNITS", "Kind", "Place"]
+__all__ = ["KINDS", "UNITS", "Kind", "Place"]
 
 Place: TypeAlias = str | tuple[str, str]
-
-_LEGS = ("root", "lhip", "lknee", "lankle", "ltoes", "rhip", "rknee", "rankle", "rtoes")
-_TRUNK = ("belly", "chest", "neck", "head", "headtop")
-_LEFT_ARM = ("lclavicle", "lshoulder", "lelbow", "lwrist", "lfingers")
-_RIGHT_ARM = ("rclavicle", "rshoulder", "relbow", "rwrist", "rfingers")
-CANONICAL_JOINTS: Final = (*_LEGS, *_TRUNK, *_LEFT_ARM, *_RIGHT_ARM)
 
 # The units of each quantity: hl humerus length, sw shoulder width, hw hip width.
 UNITS: Final = {

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Final, NoReturn
 
 from mocapidx.errors import FeatureSetError
-from mocapidx.features.kinds import CANONICAL_JOINTS, KINDS, UNITS, Place
+from mocapidx.features.kinds import KINDS, UNITS, Place
 from mocapidx.features.relations import (
     COMBINATIONS,
     Condition,
@@ -23,6 +23,7 @@ from mocapidx.features.relations import (
     mirrored,
     normal_form,
 )
+from mocapidx.skeleton.joints import CANONICAL_JOINTS
 
 __all__ = ["PARTS", "read_document"]
 
@@ -158,7 +159,7 @@ def _mirrored_feature(
         here.fail(f"key 'mirror_of': {other} is the mirror of {partners[other]} already")
     partners[other], partners[key] = key, other
     name = _text(table, "name", here) if "name" in table else key
-    condition = mirrored(known[other].condition, CANONICAL_JOINTS)
+    condition = mirrored(known[other].condition)
     return Feature(key, name, known[other].part, other, condition)
 
 
@@ -171,17 +172,17 @@ def _with_partner(
     """Check that the mirror of a feature is what it says on the other side of the body."""
     here = place.within(f"feature {feature.id}")
     partner = partners[feature.id]
-    image = normal_form(mirrored(feature.condition, CANONICAL_JOINTS))
+    image = normal_form(mirrored(feature.condition))
     if partner is None:
         if image != normal_form(feature.condition):
             here.fail(
                 "key 'mirror': missing; the feature is not its own mirror image, so add a "
                 f"feature with mirror_of = {feature.id!r}"
             )
-        partner = feature.id
+        return replace(feature, mirror=feature.id)
     if partner not in known:
         here.fail(f"key 'mirror': there is no feature {partner!r}")
-    if partners[partner] not in (feature.id, None if partner == feature.id else feature.id):
+    if partners[partner] != feature.id:
         here.fail(
             f"key 'mirror': is {partner}, whose own mirror is {partners[partner] or 'not given'}"
         )

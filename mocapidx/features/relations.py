@@ -12,6 +12,7 @@ import numpy as np
 
 from mocapidx.features.kinds import KINDS, Place
 from mocapidx.model import BoolArray, FloatArray
+from mocapidx.skeleton.joints import CANONICAL_JOINTS, MIRROR
 
 __all__ = [
     "COMBINATIONS",
@@ -22,7 +23,6 @@ __all__ = [
     "combine_margins",
     "joint_names",
     "leaves",
-    "mirror_joint",
     "mirrored",
     "normal_form",
     "open_interval",
@@ -32,6 +32,10 @@ __all__ = [
 Threshold: TypeAlias = float | tuple[float, float]
 
 COMBINATIONS: Final = ("all_of", "any_of", "not")
+
+_OTHER_SIDE: Final[dict[str, str]] = {
+    joint: CANONICAL_JOINTS[other] for joint, other in zip(CANONICAL_JOINTS, MIRROR, strict=True)
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,21 +107,13 @@ def joint_names(places: Sequence[Place]) -> Iterator[str]:
         yield from (place,) if isinstance(place, str) else place
 
 
-def mirror_joint(joint: str, known: Sequence[str]) -> str:
-    """Return the joint on the other side of the body; a joint in the middle is its own."""
-    other = {"l": "r", "r": "l"}.get(joint[0], joint[0]) + joint[1:]
-    return other if other in known else joint
-
-
-def mirrored(condition: Condition, known: Sequence[str]) -> Condition:
+def mirrored(condition: Condition) -> Condition:
     """Return the condition that holds on a pose exactly where `condition` does on its mirror image.
 
     Parameters
     ----------
     condition : Condition
         The right version.
-    known : sequence of str
-        All joint names.
 
     Returns
     -------
@@ -125,20 +121,17 @@ def mirrored(condition: Condition, known: Sequence[str]) -> Condition:
         The left version; its values on a pose are, bit by bit, those of `condition` on the pose
         with left and right joints exchanged and x negated.
     """
-    exchanged = tuple(_mirrored_place(place, known) for place in condition.joints)
+    exchanged = tuple(_mirrored_place(place) for place in condition.joints)
     kind = KINDS.get(condition.kind)
     if kind is not None and kind.mirror:
         exchanged = tuple(exchanged[i] for i in kind.mirror)
-    return replace(
-        condition, joints=exchanged, of=tuple(mirrored(part, known) for part in condition.of)
-    )
+    return replace(condition, joints=exchanged, of=tuple(mirrored(part) for part in condition.of))
 
 
-def _mirrored_place(place: Place, known: Sequence[str]) -> Place:
+def _mirrored_place(place: Place) -> Place:
     if isinstance(place, str):
-        return mirror_joint(place, known)
-    start, end = place
-    return mirror_joint(start, known), mirror_joint(end, known)
+        return _OTHER_SIDE[place]
+    return _OTHER_SIDE[place[0]], _OTHER_SIDE[place[1]]
 
 
 def normal_form(condition: Condition) -> Condition:

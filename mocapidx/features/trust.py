@@ -6,9 +6,10 @@ from typing import Final
 import numpy as np
 
 from mocapidx.features.featureset import AnyFeatureSet, load_feature_set
-from mocapidx.features.kinds import CANONICAL_JOINTS, KINDS
+from mocapidx.features.kinds import KINDS
 from mocapidx.features.relations import Condition, joint_names, leaves
 from mocapidx.model import BoolArray, FloatArray, Motion
+from mocapidx.skeleton.joints import CANONICAL_JOINTS
 
 __all__ = ["absent_joints", "body_lengths", "untrusted_features"]
 

@@ -206,7 +206,6 @@ def test_single_precision_positions_give_the_same_features():
 
 
 def test_other_rates_are_resampled_by_time():
-    pytest.importorskip("mocapidx.skeleton.resample")
     motion = random_motion(2, frames=121, rate=120.0)
     every_fourth = Motion(motion.joints, motion.positions[::4], 30.0)
     np.testing.assert_array_equal(extract_features(motion), extract_features(every_fourth))

@@ -7,17 +7,17 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from mocapidx.features.geometry import Poses
-from mocapidx.features.kinds import CANONICAL_JOINTS, KINDS
+from mocapidx.features.kinds import KINDS
 from mocapidx.features.relations import (
     Condition,
     combine,
     combine_margins,
-    mirror_joint,
     mirrored,
     normal_form,
     open_interval,
     robust_threshold,
 )
+from mocapidx.skeleton.joints import CANONICAL_JOINTS
 from tests import naive_features as naive
 
 seeds = st.integers(0, 2**32 - 1)
@@ -94,14 +94,14 @@ def random_condition(kind, rng):
 @settings(max_examples=10, deadline=None)
 def test_the_left_version_is_the_right_one_on_the_mirrored_pose_bit_by_bit(kind, seed):
     right = random_condition(kind, np.random.default_rng(seed))
-    left = mirrored(right, CANONICAL_JOINTS)
+    left = mirrored(right)
     points, velocities = random_poses(seed)
     reflected = poses(mirror_vectors(points), mirror_vectors(velocities))
     value = KINDS[kind].value
     np.testing.assert_array_equal(
         value(poses(points, velocities), *left.joints), value(reflected, *right.joints)
     )
-    assert mirrored(left, CANONICAL_JOINTS) == right
+    assert mirrored(left) == right
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -115,11 +115,6 @@ def test_other_orders_of_the_joints_that_count_as_equal_have_equal_values(kind, 
         joints = tuple(condition.joints[i] for i in order)
         np.testing.assert_allclose(KINDS[kind].value(stretch, *joints), value, rtol=1e-9, atol=1e-9)
         assert normal_form(Condition(kind=kind, joints=joints)) == normal_form(condition)
-
-
-@pytest.mark.parametrize("joint", CANONICAL_JOINTS)
-def test_each_joint_has_its_partner_on_the_other_side(joint):
-    assert mirror_joint(joint, CANONICAL_JOINTS) == naive.other_side(joint)
 
 
 A, B = Condition(kind="fast", joints=("root",)), Condition(kind="fast", joints=("head",))
