@@ -39,6 +39,8 @@ def _escaped(character: str) -> str:
     code = ord(character)
     if 0xDC80 <= code <= 0xDCFF:  # an undecodable byte, as surrogateescape keeps it
         return f"\\x{code - 0xDC00:02x}"
-    return character.encode("ascii", "backslashreplace").decode("ascii") if code > 127 else (
-        repr(character)[1:-1]
+    return (
+        character.encode("ascii", "backslashreplace").decode("ascii")
+        if code > 127
+        else (repr(character)[1:-1])
     )

@@ -306,9 +306,7 @@ def _table(path: Path, data: bytes, header: _Header, acclaim: Acclaim) -> _Table
     return _Table(path, acclaim.path, tuple(order), tuple(order.values()), counts)
 
 
-def _channels(
-    acclaim: Acclaim, table: _Table
-) -> tuple[np.ndarray, np.ndarray, list[int]]:
+def _channels(acclaim: Acclaim, table: _Table) -> tuple[np.ndarray, np.ndarray, list[int]]:
     """Return node, kind and column of each channel; rotations from the last applied to the first."""
     begins = dict(zip(table.nodes, np.cumsum((0, *table.counts)).tolist(), strict=False))
     nodes, kinds, order = [], [], []

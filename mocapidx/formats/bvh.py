@@ -132,8 +132,11 @@ class _Bvh:
             word, *rest = statement.split(None, 1)
             word = word.upper()
             if (word == b"{") != (heading >= 0):
-                raise self._error(f"expected '{{', found {_quoted(statement)}" if heading >= 0
-                                  else "'{' without a joint before it")
+                raise self._error(
+                    f"expected '{{', found {_quoted(statement)}"
+                    if heading >= 0
+                    else "'{' without a joint before it"
+                )
             if word == b"{":
                 open_nodes.append(heading)
                 self.limits.check_levels(len(open_nodes), place(self.path, self.line))

@@ -4,11 +4,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+
 from mocapidx.errors import FormatError
 from mocapidx.formats.amc import find_skeleton, read_amc
 from mocapidx.formats.bvh import read_bvh
 from mocapidx.formats.text import Limits, place
 from mocapidx.model import Recording
+from mocapidx.printable import shown
 
 __all__ = ["SUFFIXES", "is_motion_file", "read_recording", "sources_of"]
 
@@ -16,6 +19,8 @@ READERS: Final[dict[str, Callable[[Path, Path | None, Limits], Recording]]] = {
     ".amc": read_amc,
     ".bvh": lambda path, _, limits: read_bvh(path, limits),
 }
+FARTHEST: Final = 1e9  # file units
+TOO_FAR: Final = "is more than 1e9 units away; is the file damaged?"
 SUFFIXES: Final = frozenset(READERS)
 
 
@@ -90,4 +95,19 @@ def read_recording(
             f"{place(path)}: no motion file by its name; mocapidx reads "
             f"{' and '.join(sorted(SUFFIXES))}"
         )
-    return reader(path, skeleton_path, limits or Limits())
+    recording = reader(path, skeleton_path, limits or Limits())
+    _check_lengths(path, recording)
+    return recording
+
+
+def _check_lengths(path: Path, recording: Recording) -> None:
+    """Refuse lengths that no body has, before they overflow in sums and squares."""
+    names = recording.skeleton.names
+    far = np.argwhere(np.abs(recording.skeleton.offsets) > FARTHEST)
+    if len(far):
+        raise FormatError(f"{place(path)}: joint '{shown(names[far[0][0]])}' {TOO_FAR}")
+    for column in np.flatnonzero(recording.channel_kinds < 3):
+        beyond = np.flatnonzero(np.abs(recording.values[:, column]) > FARTHEST)
+        if len(beyond):
+            name = shown(names[recording.channel_nodes[column]])
+            raise FormatError(f"{place(path)}: frame {beyond[0]}: joint '{name}' {TOO_FAR}")

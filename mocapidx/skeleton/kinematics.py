@@ -4,12 +4,12 @@ Everything is laid out with time last and runs over short blocks of frames, so t
 one block needs stays in the processor's cache.
 """
 
-from collections.abc import Collection
+from collections.abc import Sequence
 from typing import Final, Literal
 
 import numpy as np
 
-from mocapidx.model import FloatArray, Recording, Skeleton
+from mocapidx.model import FloatArray, IndexArray, Recording, Skeleton
 from mocapidx.skeleton.rotations import multiplied, times_vector, turned
 
 __all__ = ["RootPositions", "node_positions", "zero_pose"]
@@ -21,9 +21,9 @@ BLOCK: Final = 1024  # frames
 
 def node_positions(
     recording: Recording,
-    nodes: Collection[int],
+    nodes: Sequence[int],
     positions: RootPositions = "add",
-    frames: slice | FloatArray = slice(None),
+    frames: slice | IndexArray = slice(None),
 ) -> FloatArray:
     """Compute where nodes are, in the units and axes of the file.
 
@@ -31,8 +31,9 @@ def node_positions(
     ----------
     recording : Recording
         The skeleton and its channels.
-    nodes : collection of int
-        The nodes wanted, K of them; only these and their ancestors are computed.
+    nodes : sequence of int
+        The nodes wanted, K of them; only these and their ancestors are computed. -1 is a node
+        that is not there: NaN.
     positions : {"add", "replace"}
         Whether a node's position channels add to its offset or replace it.
     frames : slice or ndarray of int
@@ -44,13 +45,14 @@ def node_positions(
         In file units.
     """
     values = recording.values[frames]
-    wanted = list(nodes)
-    result = np.empty((len(values), len(wanted), 3))
+    wanted = [node for node in nodes if node >= 0]
+    result = np.full((len(values), len(nodes), 3), np.nan)
     for begin in range(0, len(values), BLOCK):
         block = np.ascontiguousarray(values[begin : begin + BLOCK].T)
         points = _points(recording, wanted, positions, block)
-        for k, node in enumerate(wanted):
-            result[begin : begin + BLOCK, k] = points[node].T
+        for k, node in enumerate(nodes):
+            if node >= 0:
+                result[begin : begin + BLOCK, k] = points[node].T
     return result
 
 
@@ -80,12 +82,14 @@ def _points(
     """Return the points (3, T) of nodes and their ancestors for one block of channels (C, T)."""
     skeleton = recording.skeleton
     needed = _with_ancestors(skeleton, wanted)
-    turning = needed if skeleton.turned_by == "own" else {
-        int(skeleton.parents[n]) for n in needed if n
-    }
+    turning = (
+        needed if skeleton.turned_by == "own" else {int(skeleton.parents[n]) for n in needed if n}
+    )
     channels = _channels_of(recording, needed)
-    frames = skeleton.axes if skeleton.axes is not None else np.broadcast_to(
-        np.eye(3), (len(skeleton.names), 3, 3)
+    frames = (
+        skeleton.axes
+        if skeleton.axes is not None
+        else np.broadcast_to(np.eye(3), (len(skeleton.names), 3, 3))
     )
     identity = np.broadcast_to(np.eye(3)[:, :, None], (3, 3, values.shape[1]))
     points: dict[int, FloatArray] = {-1: np.zeros((3, values.shape[1]))}

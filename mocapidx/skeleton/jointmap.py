@@ -1,0 +1,337 @@
+"""Joint maps: which node of a rig is which canonical joint.
+
+A map is chosen by the whole set of a skeleton's names, never name by name: LeftShoulder is the
+collar bone in one convention and the shoulder in another.
+"""
+
+import re
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from mocapidx.errors import FeatureSetError, FormatError
+from mocapidx.model import Skeleton
+from mocapidx.printable import shown
+from mocapidx.skeleton.joints import CANONICAL_JOINTS, INDEX
+
+__all__ = [
+    "Between",
+    "JointMap",
+    "Mapping24",
+    "choose_map",
+    "load_joint_map",
+    "parse_joint_map",
+    "shipped_maps",
+]
+
+OPTIONAL: Final = frozenset({"ltoes", "rtoes", "lfingers", "rfingers", "headtop"})
+KEYS: Final = frozenset({"name", "source", "strip", "needs", "lacks", "joints"})
+LARGEST: Final = 1024 * 1024  # bytes of a user's own map
+
+
+@dataclass(frozen=True, slots=True)
+class Between:
+    """A joint made on the line between two others.
+
+    Parameters
+    ----------
+    first, last : str
+        Canonical joints.
+    at : float
+        0 is `first`, 1 is `last`; beyond that the line goes on.
+    """
+
+    first: str
+    last: str
+    at: float
+
+
+@dataclass(frozen=True, slots=True)
+class JointMap:
+    """One convention of naming, as a TOML file has it.
+
+    Parameters
+    ----------
+    name, source : str
+        What it is called and where it comes from.
+    joints : mapping of str to tuple of str
+        For each canonical joint the names that it may have in a file, the best first.
+    made : mapping of str to Between
+        Joints that this convention lacks and the map makes from others.
+    strip : str
+        A regular expression; what it matches at the beginning of a name is not looked at.
+    needs, lacks : tuple of str
+        Names that must be there, or must not, for the map to fit.
+    """
+
+    name: str
+    source: str
+    joints: Mapping[str, tuple[str, ...]]
+    made: Mapping[str, Between] = field(default_factory=dict)
+    strip: str = ""
+    needs: tuple[str, ...] = ()
+    lacks: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Mapping24:
+    """A joint map that fits a skeleton.
+
+    Parameters
+    ----------
+    joint_map : JointMap
+        The map.
+    nodes : tuple of int
+        The node of each canonical joint, -1 where the skeleton has none.
+    """
+
+    joint_map: JointMap
+    nodes: tuple[int, ...]
+
+
+def choose_map(skeleton: Skeleton, joint_map: JointMap | None = None, where: str = "") -> Mapping24:
+    """Find the map that fits the names of a skeleton.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        As its file has it.
+    joint_map : JointMap, optional
+        The map to use; by default the shipped map that fits and finds most.
+    where : str
+        The file, for messages.
+
+    Returns
+    -------
+    Mapping24
+        The map and the node of each canonical joint.
+
+    Raises
+    ------
+    FormatError
+        If no map fits; the message names the map that comes nearest and what it misses.
+    """
+    candidates = shipped_maps() if joint_map is None else (joint_map,)
+    fits: list[Mapping24] = []
+    misses: list[tuple[int, str, str]] = []
+    for candidate in candidates:
+        mapping, missing = _fit(skeleton, candidate)
+        if mapping is not None:
+            fits.append(mapping)
+        else:
+            misses.append((len(missing), candidate.name, missing[0]))
+    if fits:
+        return max(fits, key=lambda m: (sum(n >= 0 for n in m.nodes), len(m.joint_map.needs)))
+    _, name, missed = min(misses)
+    raise FormatError(
+        f"{where}: no joint map fits its names; the nearest, '{shown(name)}', {missed}; "
+        "write a map of your own and name it with --joint-map"
+    )
+
+
+def _fit(skeleton: Skeleton, joint_map: JointMap) -> tuple[Mapping24 | None, list[str]]:
+    """Return the nodes of the joints, or what is missing for them."""
+    best: list[str] = []
+    for names in _stripped(skeleton.names, joint_map.strip):
+        place = {name: i for i, name in enumerate(names)}
+        missing = [f"needs '{shown(n)}'" for n in joint_map.needs if n not in place]
+        missing += [f"does not expect '{shown(n)}'" for n in joint_map.lacks if n in place]
+        nodes = []
+        for joint in CANONICAL_JOINTS:
+            alternatives = joint_map.joints.get(joint, ())
+            node = _first_node(skeleton, place, alternatives)
+            nodes.append(node)
+            if alternatives and node < 0 and joint not in OPTIONAL:
+                missing.append(f"needs '{shown(alternatives[0])}' for {joint}")
+        if not missing:
+            return Mapping24(joint_map, tuple(nodes)), []
+        if not best or len(missing) < len(best):
+            best = missing
+    return None, best
+
+
+def _stripped(names: tuple[str, ...], strip: str) -> Iterable[list[str]]:
+    """Yield the names with what exporters put before them taken off, the mildest way first."""
+    plain = [re.sub(strip, "", n, count=1) if re.match(strip, n) else n for n in names]
+    spaces = [re.sub(f"^(?:{strip})", "", n.rsplit(":", 1)[-1]).replace(" ", "_") for n in names]
+    prefix = _common_prefix(spaces)
+    for form in (plain, spaces, [n[len(prefix) :] for n in spaces]):
+        if len(set(form)) == len(form) and all(form):
+            yield form
+
+
+def _common_prefix(names: list[str]) -> str:
+    """Return what all names begin with, up to and with its last underscore."""
+    low, high = min(names), max(names)
+    length = next((i for i, (a, b) in enumerate(zip(low, high, strict=False)) if a != b), len(low))
+    return low[: low.rfind("_", 0, length) + 1]
+
+
+def _first_node(skeleton: Skeleton, place: dict[str, int], names: Iterable[str]) -> int:
+    """Return the first node there is; an End Site on its own joint is no point of its own."""
+    for name in names:
+        node = place.get(name, -1)
+        if node >= 0 and not (name.endswith("/End") and not np.any(skeleton.offsets[node])):
+            return node
+    return -1
+
+
+@cache
+def shipped_maps() -> tuple[JointMap, ...]:
+    """Return the maps that come with mocapidx, in the order of their names.
+
+    Returns
+    -------
+    tuple of JointMap
+        One a convention.
+    """
+    folder = files("mocapidx.skeleton") / "maps"
+    paths = sorted((p for p in folder.iterdir() if p.name.endswith(".toml")), key=lambda p: p.name)
+    return tuple(parse_joint_map(p.read_text(encoding="utf-8"), p.name) for p in paths)
+
+
+def load_joint_map(path: Path) -> JointMap:
+    """Read a user's own map.
+
+    Parameters
+    ----------
+    path : Path
+        A TOML file.
+
+    Returns
+    -------
+    JointMap
+        The map.
+
+    Raises
+    ------
+    FeatureSetError
+        If the file can't be read or is no joint map; the message names entry and key.
+    """
+    where = shown(path, None)
+    try:
+        if not path.is_file():
+            raise FeatureSetError(f"{where}: no such file; expected a joint map in TOML")
+        with path.open("rb") as file:
+            data = file.read(LARGEST + 1)
+        if len(data) > LARGEST:
+            raise FeatureSetError(f"{where}: larger than 1 MiB; not a joint map")
+        return parse_joint_map(data.decode("utf-8"), where)
+    except OSError as exc:
+        raise FeatureSetError(f"{where}: can't be read: {exc.strerror}") from exc
+    except UnicodeDecodeError as exc:
+        raise FeatureSetError(f"{where}: not UTF-8 text; a joint map is TOML") from exc
+
+
+def parse_joint_map(text: str, where: str) -> JointMap:
+    """Read and check the text of a joint map.
+
+    Parameters
+    ----------
+    text : str
+        TOML.
+    where : str
+        The file, for messages.
+
+    Returns
+    -------
+    JointMap
+        The map.
+
+    Raises
+    ------
+    FeatureSetError
+        If the text is no joint map; the message names entry and key.
+    """
+    try:
+        table = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as exc:
+        reason = shown(exc) if isinstance(exc, tomllib.TOMLDecodeError) else "nested too deeply"
+        raise FeatureSetError(f"{where}: not TOML: {reason}") from exc
+    for key in table.keys() - KEYS:
+        raise FeatureSetError(f"{where}: unknown key '{shown(key)}', expected {_listed(KEYS)}")
+    strip = _text(table, "strip", where, default="")
+    try:
+        re.compile(strip)
+    except (re.error, RecursionError, OverflowError) as exc:
+        raise FeatureSetError(f"{where}: strip is no regular expression: {shown(exc)}") from exc
+    joints, made = _joints(table.get("joints"), where)
+    return JointMap(
+        name=_text(table, "name", where),
+        source=_text(table, "source", where, default=""),
+        joints=joints,
+        made=made,
+        strip=strip,
+        needs=_names(table.get("needs", []), "needs", where),
+        lacks=_names(table.get("lacks", []), "lacks", where),
+    )
+
+
+def _joints(table: Any, where: str) -> tuple[dict[str, tuple[str, ...]], dict[str, Between]]:
+    if not isinstance(table, dict) or not table:
+        raise FeatureSetError(f"{where}: [joints] is missing or empty")
+    joints: dict[str, tuple[str, ...]] = {}
+    made: dict[str, Between] = {}
+    for joint, entry in table.items():
+        if joint not in INDEX:
+            raise FeatureSetError(
+                f"{where}: [joints] has '{shown(joint)}', expected {_listed(CANONICAL_JOINTS)}"
+            )
+        if isinstance(entry, dict):
+            made[joint] = _between(entry, f"{where}: joint {joint}")
+        else:
+            names = [entry] if isinstance(entry, str) else entry
+            joints[joint] = _names(names, f"joint {joint}", where)
+    for joint in ("lhip", "rhip", "lknee", "rknee", "lankle", "rankle", "head"):
+        if joint not in joints:
+            raise FeatureSetError(f"{where}: [joints] lacks {joint}, which every map must name")
+    for joint, line in made.items():
+        for end in (line.first, line.last):
+            if end not in joints:
+                raise FeatureSetError(
+                    f"{where}: joint {joint} is made from {end}, which has no name of its own"
+                )
+    return joints, made
+
+
+def _between(entry: dict[str, Any], where: str) -> Between:
+    ends, at = entry.get("between"), entry.get("at")
+    if (
+        entry.keys() != {"between", "at"}
+        or not isinstance(ends, list)
+        or len(ends) != 2
+        or not all(isinstance(end, str) and end in INDEX for end in ends)
+        or isinstance(at, bool)
+        or not isinstance(at, int | float)
+        or not -10 <= at <= 10
+    ):
+        raise FeatureSetError(
+            f'{where}: expected {{ between = ["JOINT", "JOINT"], at = NUMBER }} with '
+            "canonical joints"
+        )
+    return Between(ends[0], ends[1], float(at))
+
+
+def _names(value: Any, key: str, where: str) -> tuple[str, ...]:
+    if not isinstance(value, list) or not all(isinstance(n, str) and n for n in value):
+        raise FeatureSetError(f"{where}: {key}: expected a name or a list of names")
+    if key.startswith("joint") and not value:
+        raise FeatureSetError(f"{where}: {key}: expected a name or a list of names")
+    return tuple(value)
+
+
+def _text(table: dict[str, Any], key: str, where: str, default: str | None = None) -> str:
+    value = table.get(key, default)
+    if not isinstance(value, str) or (default is None and not value):
+        raise FeatureSetError(f"{where}: {key}: expected a text")
+    return value
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(sorted(names))
