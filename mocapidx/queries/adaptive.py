@@ -1,14 +1,15 @@
 """Adaptive fuzzy hits: each step is a maximal stretch within the step's set of alternatives."""
 
-from collections.abc import Callable
+from collections.abc import Sequence
 
 import numpy as np
 
 from mocapidx.errors import ParameterError
-from mocapidx.model import IndexArray
+from mocapidx.model import BoolArray, IndexArray
 from mocapidx.queries.source import PartSource, Source
-from mocapidx.queries.steps import FuzzyQuery, join_intersecting
-from mocapidx.queries.stretches import Stretches, find_stretches, join_runs
+from mocapidx.queries.steps import FuzzyQuery, FuzzySet, join_intersecting
+from mocapidx.queries.stretches import find_stretches
+from mocapidx.queries.walk import follow, precede
 
 __all__ = ["adaptive_hits"]
 
@@ -46,51 +47,59 @@ def adaptive_hits(query: FuzzyQuery, source: Source) -> IndexArray:
     parts = source.touched(query.mask)
     if not parts:
         raise ParameterError("no feature is selected, so every motion would match")
-    if len(parts) > 1:
-        return _chain(lambda step: find_stretches(query.steps[step], source), len(query.steps), 0)
-    return _hits_of_part(query, parts[0])
+    tables = [part.admitted(query.steps) for part in parts]
+    counts = np.min([part.counts(rows) for part, rows in zip(parts, tables, strict=True)], axis=0)
+    rarest = int(np.argmin(counts))
+    if not counts[rarest]:
+        return np.zeros((0, len(query.steps) + 1), np.int64)
+    by_table = all(part.prefers_table(rows) for part, rows in zip(parts, tables, strict=True))
+    if by_table and all(_is_product(step, parts) for step in query.steps):
+        bounds = _walk(query, source, parts, tables, rarest)
+    else:
+        bounds = _join(query, source, rarest)
+    return bounds.T
 
 
-def _hits_of_part(query: FuzzyQuery, part: PartSource) -> IndexArray:
-    """Chain the stretches of one sub-index in run numbers, the rarest step first."""
-    admitted = part.admitted(query.steps)
-    rarest = int(np.argmin(part.counts(admitted)))
-    runs = _chain(lambda step: join_runs(part.runs(admitted[step])), len(query.steps), rarest)
-    return part.starts[runs].astype(np.int64)
+def _is_product(step: FuzzySet, parts: Sequence[PartSource]) -> bool:
+    """Tell whether a word is in a set if each sub-index for itself admits its part of it."""
+    if len(step.cubes) == 1:
+        return True
+    mask = int(np.bitwise_or.reduce(step.masks))
+    return sum(bool(part.mask & mask) for part in parts) < 2
 
 
-def _chain(stretches_of: Callable[[int], Stretches], steps: int, rarest: int) -> IndexArray:
-    """Join ends of stretches with starts of stretches, outwards from one step.
-
-    Parameters
-    ----------
-    stretches_of : callable
-        Gives the maximal stretches of a step, 0 to `steps` - 1; those of neighbours are disjoint.
-    steps : int
-        L.
-    rarest : int
-        The step to begin with.
-
-    Returns
-    -------
-    ndarray of int64, shape (H, L + 1)
-        Bounds of the chains, ascending, in the numbers of the stretches.
-    """
-    first = stretches_of(rarest)
+def _walk(
+    query: FuzzyQuery,
+    source: Source,
+    parts: Sequence[PartSource],
+    tables: Sequence[BoolArray],
+    rarest: int,
+) -> IndexArray:
+    """Grow the chains from the rarest step, looking runs up; gives bounds (L + 1, H)."""
+    first = find_stretches(query.steps[rarest], source)
     bounds = np.stack([first.starts, first.ends])
-    for step in range(rarest + 1, steps):
-        if not bounds.shape[1]:
-            break
-        following = stretches_of(step)
+    for step in range(rarest + 1, len(query.steps)):
+        kept, ends = follow(parts, [rows[step] for rows in tables], bounds[-1])
+        bounds = np.vstack([bounds[:, kept], ends])
+    for step in reversed(range(rarest)):
+        kept, starts = precede(parts, [rows[step] for rows in tables], bounds[0])
+        bounds = np.vstack([starts, bounds[:, kept]])
+    return bounds
+
+
+def _join(query: FuzzyQuery, source: Source, rarest: int) -> IndexArray:
+    """Join ends of stretches with starts of stretches, linear in them; gives (L + 1, H)."""
+    first = find_stretches(query.steps[rarest], source)
+    bounds = np.stack([first.starts, first.ends])
+    for step in query.steps[rarest + 1 :]:
+        following = find_stretches(step, source)
         mine, yours = _meet(bounds[-1], following.starts)
         bounds = np.vstack([bounds[:, mine], following.ends[yours]])
-    for step in reversed(range(rarest)):
-        if not bounds.shape[1]:
-            break
-        before = stretches_of(step)
+    for step in query.steps[:rarest][::-1]:
+        before = find_stretches(step, source)
         mine, yours = _meet(bounds[0], before.ends)
         bounds = np.vstack([before.starts[yours], bounds[:, mine]])
-    return bounds.T if bounds.shape[1] else np.zeros((0, steps + 1), np.int64)
+    return bounds
 
 
 def _meet(mine: IndexArray, yours: IndexArray) -> tuple[IndexArray, IndexArray]:

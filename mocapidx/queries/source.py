@@ -18,7 +18,12 @@ __all__ = ["PartSource", "Source", "expand_ranges", "source_from_words"]
 
 LIST_COST = 4000
 """Reading, checking and decoding a list takes about as long as passing over so many runs."""
-LUT_BITS = 20
+KEPT_LIST_COST = 300
+"""Uniting a list that has been read with others, in the same measure."""
+LISTED_RUN_COST = 3
+"""Writing out one run of the united lists."""
+TABLE_BITS = 20
+"""Sub-indexes with more features look words up by bisection."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +65,7 @@ class PartSource:
         """The place of each run's word in the directory, shape (R,); W at free numbers."""
         words, directory = self.words, self.lists.words
         bits = self.mask.bit_count()
-        if bits > LUT_BITS:
+        if bits > TABLE_BITS:
             ranks = np.searchsorted(directory, words).astype(np.int32)
         else:
             table = np.full((1 << bits) + 1, len(directory), np.int32)
@@ -99,15 +104,20 @@ class PartSource:
 
     def counts(self, admitted: BoolArray) -> IndexArray:
         """Count the runs that each row of `admitted` tells of, shape (L,)."""
-        counts: IndexArray = admitted[:, :-1] @ self.lists.counts
+        counts: IndexArray = admitted[..., :-1] @ self.lists.counts
         return counts
 
     def prefers_table(self, admitted: BoolArray) -> bool:
-        """Tell whether looking at every run is quicker than reading the lists of some words."""
-        if "ranks" in self.__dict__:
-            return True
-        indices = np.flatnonzero(admitted[..., :-1].any(axis=0) if admitted.ndim > 1 else admitted)
-        return self.lists.missing(indices) * LIST_COST > self.lists.runs
+        """Tell whether to look runs up one by one rather than to unite lists of many words."""
+        return "ranks" in self.__dict__ or self._passing_is_quicker(admitted.any(axis=0))
+
+    def _passing_is_quicker(self, admitted: BoolArray) -> bool:
+        """Tell whether passing over all runs takes less time than the lists of these words."""
+        indices = np.flatnonzero(admitted)
+        runs = self.lists.counts[indices].sum()
+        missing = self.lists.missing(indices)
+        cost = missing * LIST_COST + len(indices) * KEPT_LIST_COST + runs * LISTED_RUN_COST
+        return bool(cost > self.lists.runs)
 
     def bitmap(self, admitted: BoolArray) -> BitMap:
         """Unite the lists of the admitted words, shape (W + 1,), by equation 11."""
@@ -127,9 +137,8 @@ class PartSource:
         ndarray of int64, shape (N,)
             Run numbers.
         """
-        indices = np.flatnonzero(admitted)
-        if self.lists.missing(indices) * LIST_COST > self.lists.runs:
-            return np.flatnonzero(admitted[self.ranks])
+        if self._passing_is_quicker(admitted):
+            return np.flatnonzero(admitted.take(self.ranks))
         return np.asarray(self.bitmap(admitted).to_array(), dtype=np.int64)
 
 

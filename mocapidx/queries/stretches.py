@@ -136,27 +136,51 @@ def find_stretches(step: FuzzySet, source: Source) -> Stretches:
 
 def _stretches_of_alike(step: FuzzySet, parts: list[PartSource], source: Source) -> Stretches:
     """Find the stretches of a set whose cubes all look at the same sub-indexes."""
+    rows = [part.admitted([step])[0] for part in parts]
+    counts = [part.counts(row) for part, row in zip(parts, rows, strict=True)]
     stretches = Stretches(source.first, source.first + source.lengths)
-    for i, part in enumerate(parts):
-        held = part_stretches(part, part.admitted([step])[0])
-        stretches = intersect_stretches(stretches, held) if i else held
+    for i, place in enumerate(np.argsort(counts, kind="stable").tolist()):
+        part, row = parts[place], rows[place]
+        if i and part.prefers_table(row[np.newaxis]):
+            stretches = _narrow(stretches, part, row)
+        else:
+            held = _stretches_of_part(part, row)
+            stretches = intersect_stretches(stretches, held) if i else held
     if len(parts) > 1 and len(step.cubes) > 1:
         # The parts alone let through what agrees with one cube here and another one there.
         cuts, ends = split_stretches(stretches, parts)
         inside = step.contains(full_words(parts, cuts))
-        return unite_stretches([Stretches(cuts[inside], ends[inside]), EMPTY])
+        stretches = _join_touching(cuts[inside], ends[inside])
     return stretches
 
 
-EMPTY = Stretches(np.zeros(0, np.int64), np.zeros(0, np.int64))
-
-
-def part_stretches(part: PartSource, admitted: BoolArray) -> Stretches:
+def _stretches_of_part(part: PartSource, admitted: BoolArray) -> Stretches:
     """Find the maximal stretches of admitted words in one sub-index, in positions."""
     runs = join_runs(part.runs(admitted))
     return Stretches(
         part.starts[runs.starts].astype(np.int64), part.starts[runs.ends].astype(np.int64)
     )
+
+
+def _narrow(stretches: Stretches, part: PartSource, admitted: BoolArray) -> Stretches:
+    """Keep of some stretches where a sub-index has admitted words; looks at no run elsewhere."""
+    first = runs_at(part, stretches.starts)
+    last = np.searchsorted(part.starts, stretches.ends.astype(np.uint32), "left")
+    owners, runs = expand_ranges(first, last)
+    inside = np.flatnonzero(admitted.take(part.ranks.take(runs)))
+    owners, runs = owners[inside], runs[inside]
+    return _join_touching(
+        np.maximum(part.starts[runs], stretches.starts[owners]),
+        np.minimum(part.starts[runs + 1], stretches.ends[owners]),
+    )
+
+
+def _join_touching(starts: IndexArray, ends: IndexArray) -> Stretches:
+    """Join ascending intervals that do not overlap where one ends and the next one begins."""
+    apart = np.flatnonzero(starts[1:] != ends[:-1])
+    if not len(starts):
+        return Stretches(starts, ends)
+    return Stretches(starts[np.append(0, apart + 1)], ends[np.append(apart, len(ends) - 1)])
 
 
 def split_stretches(
