@@ -1,0 +1,292 @@
+"""Match quantised templates with documents: distance functions and the hits in them."""
+
+from bisect import bisect_left, insort
+from collections import defaultdict
+from dataclasses import dataclass
+
+import numpy as np
+
+from mocapidx.alignment.subsequence import (
+    CostArray,
+    Steps,
+    shortest_match,
+    subsequence_costs,
+    subsequence_starts,
+)
+from mocapidx.errors import ParameterError
+from mocapidx.model import IndexArray, WordArray
+from mocapidx.templates.quantise import Quantised, quantise
+from mocapidx.templates.template import MotionTemplate
+
+__all__ = [
+    "SHARED",
+    "Hits",
+    "Matching",
+    "distance_function",
+    "find_hits",
+    "local_minima",
+    "lowest_costs",
+    "match_documents",
+]
+
+SHARED = 0.5
+PADDING = 0.05  # of the template's rows, at each end of a document
+CANDIDATES = 1024  # best minima whose starts are found first; then ever more at a time
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Matching:
+    """A template matched with documents that are laid end to end.
+
+    Parameters
+    ----------
+    costs : ndarray of float32, shape (T,)
+        The distance function of each document, one after the other: the cost of the best match
+        that ends at a frame, infinite where none can.
+    bounds : ndarray of int64, shape (D + 1,)
+        Document ``d`` has the frames ``bounds[d]`` up to, not including, ``bounds[d + 1]``.
+    quantised : Quantised
+    steps : {"weighted", "printed"}
+    laid_words : ndarray of uint64
+        The words with the padding, and two frames between documents.
+    laid_costs : ndarray of float32
+        The costs over those.
+    laid_breaks : ndarray of int64
+        The frames between documents.
+    laid_first : ndarray of int64, shape (D,)
+        Where each document's first frame stands among them.
+    padding : ndarray of int64, shape (D,)
+        Frames repeated at each end of a document.
+    """
+
+    costs: CostArray
+    bounds: IndexArray
+    quantised: Quantised
+    steps: Steps
+    laid_words: WordArray
+    laid_costs: CostArray
+    laid_breaks: IndexArray
+    laid_first: IndexArray
+    padding: IndexArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hits:
+    """Places where a template matches, best first.
+
+    Parameters
+    ----------
+    documents : ndarray of int64, shape (H,)
+        Number of the document.
+    starts, ends : ndarray of int64, shape (H,)
+        In frames of the document, half open.
+    costs : ndarray of float32, shape (H,)
+    """
+
+    documents: IndexArray
+    starts: IndexArray
+    ends: IndexArray
+    costs: CostArray
+
+
+def distance_function(
+    template: MotionTemplate,
+    words: WordArray,
+    steps: Steps = "weighted",
+    padded: bool = True,
+    untrusted: int = 0,
+) -> CostArray:
+    """Cost of the best match of a template that ends at each frame of one document.
+
+    Parameters
+    ----------
+    template : MotionTemplate
+        Quantised by its own delta.
+    words : ndarray of uint64, shape (T,)
+        The feature words of the document.
+    steps : {"weighted", "printed"}
+        See `mocapidx.alignment.subsequence.subsequence_costs`.
+    padded : bool
+        Repeat the first and the last frame, so that a document that is cut short can be found.
+    untrusted : int
+        Mask of features that the document can't tell; they count as undecided.
+
+    Returns
+    -------
+    ndarray of float32, shape (T,)
+        Infinite where no match can end.
+    """
+    quantised = quantise(template.matrix, template.delta).without(untrusted)
+    return match_documents(quantised, words, np.array([0, len(words)]), steps, padded).costs
+
+
+def match_documents(
+    quantised: Quantised,
+    words: WordArray,
+    bounds: IndexArray,
+    steps: Steps = "weighted",
+    padded: bool = True,
+) -> Matching:
+    """Match one template with many documents in one pass; no match crosses documents.
+
+    Parameters
+    ----------
+    quantised : Quantised
+    words : ndarray of uint64, shape (T,)
+        The feature words of the documents, end to end.
+    bounds : ndarray of int64, shape (D + 1,)
+        Where documents begin and end; none is empty.
+    steps : {"weighted", "printed"}
+    padded : bool
+        Repeat the first and the last frame of each document by a twentieth of the template, and
+        of a document that is shorter than half the template until it is not. A match that ends
+        in the repeated frames counts as one that ends at the last frame.
+
+    Returns
+    -------
+    Matching
+
+    Raises
+    ------
+    ParameterError
+        If a document is empty or the bounds do not fit the words.
+    """
+    lengths = np.diff(bounds)
+    if bounds[0] != 0 or bounds[-1] != len(words) or (lengths <= 0).any():
+        raise ParameterError("bounds must rise from 0 to the number of words")
+    rows = len(quantised.ones)
+    padding = np.zeros_like(lengths)
+    if padded:
+        missing = shortest_match(rows) - lengths
+        padding = np.maximum(np.ceil(PADDING * rows), -(-missing // 2)).astype(np.int64)
+    spans = lengths + 2 * padding + 2
+    ends = np.cumsum(spans)
+    first = ends - spans + padding
+    document = np.repeat(np.arange(len(lengths)), spans)
+    frame = np.clip(np.arange(len(document)) - first[document], 0, lengths[document] - 1)
+    laid_words = words[bounds[document] + frame]
+    breaks = np.column_stack((ends - 2, ends - 1)).ravel()
+    laid_costs = subsequence_costs(quantised.ones, quantised.care, laid_words, breaks, steps)
+    real = np.arange(len(words)) + np.repeat(first - bounds[:-1], lengths)
+    costs = laid_costs[real]
+    last = first + lengths - 1
+    # reduceat takes every other stretch: from the last frame to the end of its padding
+    tails = np.minimum.reduceat(laid_costs, np.column_stack((last, ends - 2)).ravel())[::2]
+    costs[bounds[1:] - 1] = tails
+    return Matching(costs, bounds, quantised, steps, laid_words, laid_costs, breaks, first, padding)
+
+
+def lowest_costs(matching: Matching) -> CostArray:
+    """Return the lowest cost in each document, float32 of shape (D,)."""
+    return np.minimum.reduceat(matching.costs, matching.bounds[:-1])
+
+
+def local_minima(costs: CostArray, bounds: IndexArray) -> IndexArray:
+    """Frames at which a distance function is lower than before and after.
+
+    A plateau counts once, at its first frame; the ends of a document count as rising.
+
+    Parameters
+    ----------
+    costs : ndarray of float32, shape (T,)
+        The distance functions of several documents, end to end.
+    bounds : ndarray of int64, shape (D + 1,)
+
+    Returns
+    -------
+    ndarray of int64
+        Ascending; frames of infinite cost are not among them.
+    """
+    edges = np.flatnonzero(costs[1:] != costs[:-1]) + 1
+    firsts = np.unique(np.concatenate((edges, bounds[:-1])))
+    values = costs[firsts]
+    opens = np.isin(firsts, bounds[:-1], assume_unique=True)
+    falls = opens | np.concatenate(([True], values[:-1] > values[1:]))
+    rises = np.concatenate((opens[1:] | (values[1:] > values[:-1]), [True]))
+    return firsts[falls & rises & np.isfinite(values)]
+
+
+def find_hits(
+    matching: Matching, tau: float, *, top: int | None = None, shared: float = SHARED
+) -> Hits:
+    """Find the places where a template matches at a cost below a threshold, best first.
+
+    Parameters
+    ----------
+    matching : Matching
+    tau : float
+        Local minima of the distance function below `tau` are hits.
+    top : int, optional
+        Stop after so many hits; others of the same cost as the last one are kept too.
+    shared : float
+        A hit that shares more than this part of the shorter interval with a better one of the
+        same document is dropped.
+
+    Returns
+    -------
+    Hits
+        Ordered by cost, then document, then start.
+    """
+    minima = local_minima(matching.costs, matching.bounds)
+    minima = minima[matching.costs[minima] < tau]
+    minima = minima[np.argsort(matching.costs[minima], kind="stable")]
+    longest = 2 * len(matching.quantised.ones)
+    kept: dict[int, list[tuple[int, int]]] = defaultdict(list)
+    found: list[tuple[float, int, int, int]] = []
+    while len(minima):
+        some, minima = np.split(minima, [CANDIDATES + 3 * len(found)])
+        documents, starts, ends = _intervals(matching, some)
+        for cost, document, start, end in zip(
+            *(column.tolist() for column in (matching.costs[some], documents, starts, ends)),
+            strict=True,
+        ):
+            if top is not None and len(found) >= top and cost > found[top - 1][0]:
+                return _as_hits(found)
+            if not _crowded(kept[document], start, end, longest, shared):
+                insort(kept[document], (start, end))
+                found.append((cost, document, start, end))
+    return _as_hits(found)
+
+
+def _intervals(matching: Matching, frames: IndexArray) -> tuple[IndexArray, IndexArray, IndexArray]:
+    """Document, first frame and end of the best matches that end at some frames."""
+    bounds = matching.bounds
+    documents = np.searchsorted(bounds, frames, side="right") - 1
+    ends = frames - bounds[documents]
+    laid_ends = matching.laid_first[documents] + ends
+    for hit in np.flatnonzero(frames + 1 == bounds[documents + 1]):  # may end in the padding
+        tail = slice(laid_ends[hit], laid_ends[hit] + matching.padding[documents[hit]] + 1)
+        laid_ends[hit] += matching.laid_costs[tail].argmin()
+    laid_starts = subsequence_starts(
+        matching.quantised.ones,
+        matching.quantised.care,
+        matching.laid_words,
+        laid_ends,
+        matching.laid_breaks,
+        matching.steps,
+    )
+    starts = np.clip(laid_starts - matching.laid_first[documents], 0, ends)
+    return documents, starts, ends + 1
+
+
+def _crowded(
+    kept: list[tuple[int, int]], start: int, end: int, longest: int, shared: float
+) -> bool:
+    """Tell whether a better hit covers too much of this one, or this one of it."""
+    near = kept[bisect_left(kept, (start - longest, 0)) : bisect_left(kept, (end, 0))]
+    return any(
+        min(end, other_end) - max(start, other_start)
+        > shared * min(end - start, other_end - other_start)
+        for other_start, other_end in near
+    )
+
+
+def _as_hits(found: list[tuple[float, int, int, int]]) -> Hits:
+    ordered = sorted(found)
+    costs, documents, starts, ends = zip(*ordered, strict=True) if ordered else ((), (), (), ())
+    return Hits(
+        np.array(documents, dtype=np.int64),
+        np.array(starts, dtype=np.int64),
+        np.array(ends, dtype=np.int64),
+        np.array(costs, dtype=np.float32),
+    )
