@@ -6,12 +6,16 @@ import numpy as np
 
 from mocapidx.errors import ParameterError
 from mocapidx.model import BoolArray, IndexArray
+from mocapidx.queries.selection import match_selection
 from mocapidx.queries.source import PartSource, Source
 from mocapidx.queries.steps import FuzzyQuery, FuzzySet, join_intersecting
 from mocapidx.queries.stretches import find_stretches
 from mocapidx.queries.walk import follow, precede
 
 __all__ = ["adaptive_hits"]
+
+COMMON = 64
+"""If more than one in so many runs may start the rarest step, all runs are passed over."""
 
 
 def adaptive_hits(query: FuzzyQuery, source: Source) -> IndexArray:
@@ -53,11 +57,18 @@ def adaptive_hits(query: FuzzyQuery, source: Source) -> IndexArray:
     if not counts[rarest]:
         return np.zeros((0, len(query.steps) + 1), np.int64)
     by_table = all(part.prefers_table(rows) for part, rows in zip(parts, tables, strict=True))
-    if by_table and all(_is_product(step, parts) for step in query.steps):
-        bounds = _walk(query, source, parts, tables, rarest)
-    else:
-        bounds = _join(query, source, rarest)
-    return bounds.T
+    if not by_table or not all(_is_product(step, parts) for step in query.steps):
+        return _join(query, source, rarest).T
+    if _is_selection(query) and counts[rarest] * COMMON > sum(part.lists.runs for part in parts):
+        values = np.concatenate([step.values for step in query.steps])
+        return match_selection(parts, query.mask, values, rarest)
+    return _walk(query, source, parts, tables, rarest).T
+
+
+def _is_selection(query: FuzzyQuery) -> bool:
+    """Tell whether each step is one feature vector, over the same features throughout."""
+    mask = query.steps[0].cubes[0][0]
+    return all(len(step.cubes) == 1 and step.cubes[0][0] == mask for step in query.steps)
 
 
 def _is_product(step: FuzzySet, parts: Sequence[PartSource]) -> bool:

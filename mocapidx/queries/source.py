@@ -109,7 +109,7 @@ class PartSource:
 
     def prefers_table(self, admitted: BoolArray) -> bool:
         """Tell whether to look runs up one by one rather than to unite lists of many words."""
-        return "ranks" in self.__dict__ or self._passing_is_quicker(admitted.any(axis=0))
+        return "ranks" in self.__dict__ or self._passing_is_quicker(np.any(admitted, axis=0))
 
     def _passing_is_quicker(self, admitted: BoolArray) -> bool:
         """Tell whether passing over all runs takes less time than the lists of these words."""

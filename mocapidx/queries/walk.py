@@ -99,7 +99,8 @@ def _leave(part: PartSource, admitted: BoolArray, runs: IndexArray, turn: int) -
             return at
         at[moving] += turn
     outside = np.flatnonzero(~admitted.take(ranks))
-    side = "left" if turn > 0 else "right"
-    places = np.searchsorted(outside, at[moving], side) - (turn < 0)
-    at[moving] = np.where(places < 0, -1, outside[places])
+    if turn > 0:
+        at[moving] = outside[np.searchsorted(outside, at[moving])]
+    else:  # nothing before the first run is the same as no. -1
+        at[moving] = np.append(outside, -1)[np.searchsorted(outside, at[moving], "right") - 1]
     return at

@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mocapidx.errors import ParameterError
-from mocapidx.queries import source as source_module
 from mocapidx.queries.adaptive import adaptive_hits
 from mocapidx.queries.evaluate import DocumentGroup, evaluate
 from mocapidx.queries.exact import exact_hits
@@ -17,17 +16,11 @@ from mocapidx.queries.source import source_from_words
 from mocapidx.queries.steps import FuzzyQuery, FuzzySet, join_intersecting, steps_from_example
 from tests import naive_queries as naive
 
+pytestmark = pytest.mark.usefixtures("way")
+
 BITS = (0, 1, 2, 5, 6, 40, 63)  # of the features; neighbours, gaps and the last bit there is
 MASKS = {"upper": 0b111, "lower": 0b1100000, "mix": 1 << 40 | 1 << 63}
 ALL = sum(1 << bit for bit in BITS)
-
-
-@pytest.fixture(params=[0, 10**9], ids=["lists", "table"], autouse=True, scope="module")
-def way(request):
-    """Answer from the inverted lists alone, or by looking at all runs where that can be."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(source_module, "LIST_COST", request.param)
-        yield
 
 
 def word_of(code):
@@ -89,7 +82,7 @@ def documents_and_examples(draw):
     return documents, words[start : start + draw(st.integers(1, 12))]
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(documents_and_examples(), selections)
 def test_exact_hits_are_those_of_the_definition(case, mask):
     documents, example = case
@@ -101,7 +94,7 @@ def test_exact_hits_are_those_of_the_definition(case, mask):
     assert rows(adaptive_hits(query, source), source) == expected
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(documents_and_examples(), st.sets(st.sampled_from(sorted(MASKS)), min_size=1))
 def test_exact_equals_fuzzy_with_singletons_on_whole_sub_indexes(case, parts):
     documents, example = case
@@ -111,7 +104,7 @@ def test_exact_equals_fuzzy_with_singletons_on_whole_sub_indexes(case, parts):
     assert exact_hits(query, source).tolist() == fuzzy_hits(query, source).tolist()
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(documents_and_examples(), selections)
 def test_an_adaptive_selection_equals_an_exact_query_on_an_index_of_these_features(case, mask):
     documents, example = case
@@ -121,7 +114,7 @@ def test_an_adaptive_selection_equals_an_exact_query_on_an_index_of_these_featur
     assert adaptive_hits(query, source_of(documents)).tolist() == expected
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(documents_of_few_words, st.lists(fuzzy_sets, min_size=1, max_size=4))
 def test_hits_of_any_fuzzy_sets_are_those_of_the_definitions(documents, sets):
     source = source_of(documents)
@@ -133,7 +126,7 @@ def test_hits_of_any_fuzzy_sets_are_those_of_the_definitions(documents, sets):
     assert rows(adaptive_hits(query, source), source) == naive.adaptive_hits(steps, documents)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(documents_of_few_words, st.data())
 def test_hits_of_alternatives_that_occur_are_those_of_the_definitions(documents, data):
     words = sorted({word for document in documents for word in document})

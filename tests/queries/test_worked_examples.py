@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from mocapidx.queries import source as source_module
 from mocapidx.queries.adaptive import adaptive_hits
 from mocapidx.queries.exact import exact_hits
 from mocapidx.queries.fuzzy import fuzzy_hits
 from mocapidx.queries.source import source_from_words
 from mocapidx.queries.steps import FuzzyQuery, FuzzySet, steps_from_example
+
+pytestmark = pytest.mark.usefixtures("way")
 
 WALK = [0b11, 0b01, 0b11, 0b10, 0b11, 0b01, 0b11, 0b10, 0b11, 0b01]
 FRAMES = [3, 1, 2, 4, 1, 1, 5, 2, 2, 3]
@@ -18,11 +19,6 @@ BOUNDS = np.concatenate(([0], np.cumsum(FRAMES)))
 @pytest.fixture(params=[{"both": 0b11}, {"left": 0b01, "right": 0b10}], ids=["one", "two"])
 def walk(request):
     return source_from_words([np.repeat(np.array(WALK, np.uint64), FRAMES)], request.param)
-
-
-@pytest.fixture(params=[0, 10**9], ids=["lists", "table"], autouse=True)
-def way(request, monkeypatch):
-    monkeypatch.setattr(source_module, "LIST_COST", request.param)
 
 
 def query_of(*sets):
