@@ -1,0 +1,1 @@
+"""Measurements: ratios against public peers and bare processes, all in one run."""

@@ -1,0 +1,27 @@
+"""The command `compact`."""
+
+from pathlib import Path
+
+import click
+
+from .options import lock_options, quiet_option, store_argument
+from .rows import note
+
+__all__ = ["compact"]
+
+
+@click.command()
+@store_argument
+@lock_options
+@quiet_option
+def compact(store: Path, lock_timeout: float, use_lock: bool, quiet: bool) -> None:
+    """Merge the segment files of STORE and drop what was removed.
+
+    \b
+    Example:
+      mocapidx compact takes.store
+    """
+    from mocapidx.tasks.index import compact_store
+
+    before, after = compact_store(store, lock_timeout=lock_timeout, use_lock=use_lock)
+    note(f"{store}: {before} segment files before, {after} now", quiet)

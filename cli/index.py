@@ -1,0 +1,157 @@
+"""The command `index`."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from mocapidx.tasks.index import IndexProgress, IndexSummary
+
+from .options import jobs_option, lock_options, quiet_option, read_options, reading_options
+from .rows import note, warn
+
+__all__ = ["index"]
+
+SKIPPED = 5  # exit code: done, but some inputs were skipped
+
+
+@click.command()
+@click.argument(
+    "inputs", nargs=-1, required=True, metavar="INPUT...", type=click.Path(path_type=Path)
+)
+@click.option(
+    "--store", required=True, type=click.Path(path_type=Path), help="The store, a folder."
+)
+@click.option(
+    "--rate",
+    type=click.FloatRange(1, 1000),
+    default=30.0,
+    show_default=True,
+    metavar="HZ",
+    help="Frames a second in the store.",
+)
+@click.option(
+    "--feature-set",
+    default="f39",
+    show_default=True,
+    metavar="NAME|FILE",
+    help="Relational features: a shipped set or a TOML file.",
+)
+@click.option(
+    "--no-poses",
+    "poses",
+    flag_value=False,
+    default=True,
+    help="Keep no joint positions; the store is a tenth of the size.",
+)
+@click.option("--prune", is_flag=True, help="Drop documents whose file is gone.")
+@click.option(
+    "--skip-bad", is_flag=True, help="Pass over files that can't be used; the exit code is then 5."
+)
+@click.option(
+    "--root",
+    type=click.Path(exists=True, file_okay=False, path_type=Path),
+    help="Name documents by their path below this folder.",
+)
+@reading_options
+@jobs_option
+@lock_options
+@quiet_option
+def index(
+    inputs: tuple[Path, ...],
+    store: Path,
+    rate: float,
+    feature_set: str,
+    poses: bool,
+    prune: bool,
+    skip_bad: bool,
+    root: Path | None,
+    jobs: int,
+    lock_timeout: float,
+    use_lock: bool,
+    quiet: bool,
+    **reading: Any,
+) -> int:
+    """Read motion files and folders into a store.
+
+    Folders are searched all the way down for ASF/AMC and BVH files. What is new or has changed
+    since the last run is read, what is unchanged is left alone.
+
+    \b
+    Example:
+      mocapidx index takes/ --store takes.store --skip-bad
+    """
+    from mocapidx.tasks.index import IndexOptions, index_files
+
+    options = IndexOptions(
+        feature_set=feature_set,
+        rate=rate,
+        poses=poses,
+        prune=prune,
+        skip_bad=skip_bad,
+        read=read_options(reading),
+        root=root,
+        jobs=jobs,
+        lock_timeout=lock_timeout,
+        use_lock=use_lock,
+    )
+    with Bar(hidden=quiet or not sys.stderr.isatty()) as bar:
+        summary = index_files(inputs, store, options, progress=bar.show)
+    for refused in summary.refused:
+        warn(refused.message)
+    if summary.assumed_rate and not quiet:
+        count, first = len(summary.assumed_rate), summary.assumed_rate[0]
+        warn(
+            f"nothing says the rate of {count} AMC files, such as {first}: taken as 120 Hz; "
+            f"use --source-rate"
+        )
+    note(sentence(summary, store, rate), quiet)
+    return SKIPPED if summary.refused else 0
+
+
+def sentence(summary: "IndexSummary", store: Path, rate: float) -> str:
+    """Say in one line what a run of `index` did."""
+    parts = [
+        f"{summary.added} added",
+        f"{summary.changed} changed",
+        f"{summary.unchanged} unchanged",
+        f"{summary.removed} removed",
+    ]
+    if summary.refused:
+        parts.append(f"{len(summary.refused)} could not be used")
+    if summary.passed_over:
+        parts.append(f"{summary.passed_over} files of other kinds passed over")
+    minutes = summary.frames / rate / 60
+    return f"{store}: {', '.join(parts)}; {minutes:.1f} minutes read in {summary.seconds:.1f} s"
+
+
+class Bar:
+    """A progress bar of documents, with the frames read a second behind it."""
+
+    def __init__(self, hidden: bool) -> None:
+        self.hidden = hidden
+        self.bar: Any = None
+
+    def __enter__(self) -> "Bar":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.bar is not None:
+            self.bar.close()
+
+    def show(self, progress: "IndexProgress") -> None:
+        """Move the bar; tqdm is imported with the first step, and only for a terminal."""
+        if self.hidden:
+            return
+        if self.bar is None:
+            from tqdm import tqdm
+
+            self.bar = tqdm(total=progress.total, unit="doc", file=sys.stderr)
+        self.bar.n = progress.done
+        seconds = max(self.bar.format_dict["elapsed"], 1e-9)
+        self.bar.set_postfix_str(
+            f"{progress.frames} frames, {progress.frames / seconds:.0f}/s", refresh=False
+        )
+        self.bar.update(0)

@@ -1,0 +1,30 @@
+"""The command `info`."""
+
+from pathlib import Path
+
+import click
+
+from .options import store_argument
+from .rows import print_rows, row_options
+
+__all__ = ["info"]
+
+
+@click.command()
+@store_argument
+@click.argument("document", required=False)
+@row_options
+def info(store: Path, document: str | None, row_format: str, output: Path) -> None:
+    """Show what STORE holds, or what is known of one DOCUMENT.
+
+    \b
+    Example:
+      mocapidx info takes.store
+      mocapidx info takes.store squat/anna_squat_1.amc
+    """
+    from mocapidx.tasks.info import document_info, store_info
+    from mocapidx.tasks.records import pair_records
+
+    facts = store_info(store) if document is None else document_info(store, document)
+    records = [facts] if row_format == "jsonl" else pair_records(facts)
+    print_rows(records, row_format, output, ("what", "value"))

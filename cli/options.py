@@ -1,0 +1,129 @@
+"""Options with one meaning in every command."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+if TYPE_CHECKING:
+    from mocapidx.tasks.read import ReadOptions
+
+__all__ = [
+    "jobs_option",
+    "lock_options",
+    "quiet_option",
+    "read_options",
+    "reading_options",
+    "store_argument",
+]
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+store_argument = click.argument("store", type=click.Path(path_type=Path))
+quiet_option = click.option("--quiet", is_flag=True, help="Say nothing but errors.")
+jobs_option = click.option(
+    "--jobs",
+    type=click.IntRange(min=1),
+    default=lambda: len(os.sched_getaffinity(0)),
+    help="Worker processes.  [default: all cores]",
+)
+
+
+def lock_options(command: Command) -> Command:
+    """Give a command that writes ``--lock-timeout`` and ``--no-lock``."""
+    command = click.option(
+        "--no-lock",
+        "use_lock",
+        flag_value=False,
+        default=True,
+        help="Write without a lock where the file system has none; at your own risk.",
+    )(command)
+    return click.option(
+        "--lock-timeout",
+        type=click.FloatRange(min=0),
+        default=0.0,
+        show_default=True,
+        metavar="SECONDS",
+        help="Wait this long for another writer.",
+    )(command)
+
+
+def reading_options(command: Command) -> Command:
+    """Give a command that reads motion files the options that say how."""
+    for option in reversed(READING):
+        command = option(command)
+    return command
+
+
+def read_options(values: dict[str, Any]) -> "ReadOptions":
+    """Turn the values of `reading_options` into what the library takes."""
+    from mocapidx.tasks.read import Limits, ReadOptions
+
+    limits = {name: values.pop(name) for name in ("max_file", "max_frames", "max_joints")}
+    first_frame = values.pop("first_frame")
+    return ReadOptions(
+        keep_first_frame=None if first_frame is None else first_frame == "motion",
+        limits=Limits(**{name: limit for name, limit in limits.items() if limit is not None}),
+        **values,
+    )
+
+
+READING = (
+    click.option(
+        "--skeleton",
+        type=click.Path(path_type=Path),
+        help="ASF file for all AMC files.  [default: found beside or above each]",
+    ),
+    click.option(
+        "--source-rate",
+        type=click.FloatRange(min=0, min_open=True),
+        metavar="HZ",
+        help="Rate of AMC files that don't say.  [default: from the name, else 120]",
+    ),
+    click.option(
+        "--joint-map",
+        type=click.Path(path_type=Path),
+        help="TOML file that maps a rig's nodes to the canonical joints.",
+    ),
+    click.option(
+        "--unit",
+        type=click.FloatRange(min=0, min_open=True),
+        metavar="METRES",
+        help="Metres in one unit of the file.  [default: detected]",
+    ),
+    click.option(
+        "--up",
+        type=click.Choice(["x", "y", "z", "-x", "-y", "-z"]),
+        help="The file's upward axis.  [default: detected]",
+    ),
+    click.option(
+        "--root-positions",
+        type=click.Choice(["add", "replace"]),
+        help="Whether a BVH root's positions add to its OFFSET.  [default: detected]",
+    ),
+    click.option(
+        "--first-frame",
+        type=click.Choice(["motion", "pose"]),
+        help="Whether frame 0 is motion, or a T-pose to be dropped.  [default: detected]",
+    ),
+    click.option(
+        "--max-file",
+        type=click.IntRange(min=1),
+        metavar="BYTES",
+        help="Refuse larger files.  [default: 2 GiB]",
+    ),
+    click.option(
+        "--max-frames",
+        type=click.IntRange(min=1),
+        metavar="N",
+        help="Refuse takes of more frames.  [default: 1000000]",
+    ),
+    click.option(
+        "--max-joints",
+        type=click.IntRange(min=1),
+        metavar="N",
+        help="Refuse skeletons of more joints.  [default: 4096]",
+    ),
+)

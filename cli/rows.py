@@ -1,0 +1,60 @@
+"""How commands print: records to a stream or a file, notes and warnings to stderr.
+
+Commands import the library when they run, so that their help needs no NumPy.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+if TYPE_CHECKING:
+    from mocapidx.tasks.records import Record
+
+__all__ = ["note", "print_rows", "row_options", "warn"]
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+def row_options(command: Command) -> Command:
+    """Give a command ``--format`` and ``--output``."""
+    command = click.option(
+        "--output",
+        type=click.Path(dir_okay=False, path_type=Path, allow_dash=True),
+        default=Path("-"),
+        help="Where the records go; a file is whole or not there.  [default: - (stdout)]",
+    )(command)
+    return click.option(
+        "--format",
+        "row_format",
+        type=click.Choice(["table", "jsonl", "csv"]),
+        default="table",
+        show_default=True,
+        help="How records are printed.",
+    )(command)
+
+
+def print_rows(
+    records: "Iterable[Record]", row_format: str, output: Path, columns: Sequence[str]
+) -> None:
+    """Print records to stdout or to a file."""
+    from mocapidx.tasks.records import render_records, save_text
+
+    lines = render_records(records, row_format, columns)
+    if str(output) == "-":
+        for line in lines:
+            click.echo(line)
+    else:
+        save_text(lines, output)
+
+
+def warn(message: str) -> None:
+    """Print one line of warning on stderr."""
+    click.echo(f"Warning: {message}", err=True)
+
+
+def note(message: str, quiet: bool) -> None:
+    """Print one line about what was done on stderr, unless asked for silence."""
+    if not quiet:
+        click.echo(message, err=True)

@@ -1,0 +1,64 @@
+"""The command `verify`."""
+
+from pathlib import Path
+
+import click
+
+from mocapidx.errors import StoreError
+
+from .options import lock_options, quiet_option, store_argument
+from .rows import note
+
+__all__ = ["verify"]
+
+
+@click.command()
+@store_argument
+@click.option("--quick", is_flag=True, help="Compare sizes and digests of whole files only.")
+@click.option(
+    "--repair",
+    is_flag=True,
+    help="Rebuild damaged indexes, set damaged files aside, name what to index again.",
+)
+@lock_options
+@quiet_option
+def verify(
+    store: Path, quick: bool, repair: bool, lock_timeout: float, use_lock: bool, quiet: bool
+) -> int:
+    """Check every byte of STORE; repair what can be rebuilt.
+
+    The exit code is 4 where damage was found, 0 where there is none or all was rebuilt.
+
+    \b
+    Example:
+      mocapidx verify takes.store
+      mocapidx verify takes.store --repair
+    """
+    from mocapidx.tasks.verify import verify_store
+
+    report = verify_store(
+        store, quick=quick, repair=repair, lock_timeout=lock_timeout, use_lock=use_lock
+    )
+    for problem in report.problems:
+        note(problem, quiet)
+    for path in report.rebuilt:
+        note(f"{path}: rebuilt", quiet)
+    for path in report.set_aside:
+        note(f"{path}: set aside", quiet)
+    for path in report.lost:
+        click.echo(path)  # for `xargs mocapidx index`
+    if not report.problems:
+        megabytes = report.size / 1e6
+        note(f"{store}: sound; {report.documents} documents, {megabytes:.1f} MB", quiet)
+        return 0
+    if report.lost:
+        raise StoreError(
+            f"{store}: {len(report.lost)} documents were lost; index the files named above again"
+        )
+    if repair:
+        note(f"{store}: repaired", quiet)
+        return 0
+    raise StoreError(
+        f"{store}: {len(report.problems)} problems; 'mocapidx verify {store} --repair' mends "
+        "what can be rebuilt"
+    )

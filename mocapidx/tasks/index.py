@@ -1,0 +1,322 @@
+"""Bring a store up to date with the motion files below some folders; merge its files."""
+
+import os
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mocapidx.errors import FormatError, Interrupted
+from mocapidx.features.featureset import FeatureSet, load_feature_set
+from mocapidx.store.manifest import Document, SegmentFile, StoreSettings
+from mocapidx.store.write import Batch, Writer, check_writable, writing
+from mocapidx.tasks.batch import make_batch, merged_batch, small_files
+from mocapidx.tasks.parallel import MapFunction, mapping
+from mocapidx.tasks.prepare import Job, Outcome, Prepared, Refused, Unchanged, is_unchanged, prepare
+from mocapidx.tasks.read import ReadOptions
+from mocapidx.tasks.segment_sources import store_feature_set
+from mocapidx.tasks.sources import Source, find_sources
+
+__all__ = ["IndexOptions", "IndexProgress", "IndexSummary", "compact_store", "index_files"]
+
+MOST_SEGMENT_FILES: Final = 20
+"""Opening 200 takes 75 ms, so small ones are merged beyond this."""
+
+BATCH_BYTES: Final = 128 << 20
+"""What waits in memory to be committed together, and the size up to which files are merged."""
+
+JOBS_PER_WORKER: Final = 8
+"""Starting a worker takes as long as reading a few files."""
+
+
+@dataclass(frozen=True, slots=True)
+class IndexOptions:
+    """How motion files become documents of a store.
+
+    Parameters
+    ----------
+    feature_set : str
+        Name of a shipped feature set or path of a TOML file.
+    rate : float
+        Frames a second of the store, in Hz.
+    poses : bool
+        Keep the joint positions in the store.
+    prune : bool
+        Drop documents whose file is gone, where the folder they came from still exists.
+    skip_bad : bool
+        Go on after a file that can't be used.
+    read : ReadOptions
+        How motion files are understood.
+    root : Path, optional
+        Names are relative to this folder.
+    jobs : int
+        Worker processes.
+    lock_timeout : float
+        Seconds to wait for another writer.
+    use_lock : bool
+        False: write without a lock, at the owner's risk.
+    batch_bytes : int
+        Bytes of words and poses that are committed together.
+    """
+
+    feature_set: str = "f39"
+    rate: float = 30.0
+    poses: bool = True
+    prune: bool = False
+    skip_bad: bool = False
+    read: ReadOptions = field(default_factory=ReadOptions)
+    root: Path | None = None
+    jobs: int = 1
+    lock_timeout: float = 0.0
+    use_lock: bool = True
+    batch_bytes: int = BATCH_BYTES
+
+
+@dataclass(frozen=True, slots=True)
+class IndexProgress:
+    """How far indexing has come: files done of all to be read, and the frames in them."""
+
+    done: int
+    total: int
+    frames: int
+
+
+@dataclass(slots=True)
+class IndexSummary:
+    """What one run of `index_files` did.
+
+    Parameters
+    ----------
+    added, changed, unchanged, removed : int
+        Documents.
+    passed_over : int
+        Files of unknown kinds found in folders.
+    refused : list of Refused
+        Files that could not be used, in the order of their names.
+    assumed_rate : list of str
+        Documents of which nothing says the source rate.
+    frames : int
+        Frames read, at the store's rate.
+    seconds : float
+    """
+
+    added: int = 0
+    changed: int = 0
+    unchanged: int = 0
+    removed: int = 0
+    passed_over: int = 0
+    refused: list[Refused] = field(default_factory=list)
+    assumed_rate: list[str] = field(default_factory=list)
+    frames: int = 0
+    seconds: float = 0.0
+
+
+def index_files(
+    inputs: Sequence[Path],
+    store: Path,
+    options: IndexOptions | None = None,
+    *,
+    progress: Callable[[IndexProgress], None] | None = None,
+    map_fn: MapFunction | None = None,
+) -> IndexSummary:
+    """Read what is new or changed below `inputs` into a store; leave the rest alone.
+
+    A file is unchanged if its size and time of change are those of the last run, or else if
+    its bytes are. Documents are committed in batches; what was committed stays, however the
+    run ends, and the next run goes on from there.
+
+    Parameters
+    ----------
+    inputs : sequence of Path
+        Motion files and folders.
+    store : Path
+        Made if it does not exist.
+    options : IndexOptions, optional
+    progress : callable, optional
+        Called after each document.
+    map_fn : callable, optional
+        Runs the reading, with the shape of ``map``; by default ``options.jobs`` processes.
+
+    Returns
+    -------
+    IndexSummary
+
+    Raises
+    ------
+    FormatError
+        If a file can't be used and ``skip_bad`` is off; earlier batches stay.
+    ParameterError, StoreError, LockedError, WriteError
+    """
+    options = options or IndexOptions()
+    started = time.perf_counter()
+    feature_set = load_feature_set(options.feature_set)
+    check_writable(store)
+    sources, passed_over = find_sources(inputs, options.root)
+    summary = IndexSummary(passed_over=passed_over)
+    settings = StoreSettings(
+        options.rate, feature_set.name, feature_set.digest, feature_set.text, options.poses
+    )
+    with writing(
+        store,
+        command="index",
+        lock_timeout=options.lock_timeout,
+        use_lock=options.use_lock,
+        create=settings,
+    ) as writer:
+        known = {entry.document.name: entry.document for entry in writer.snapshot.documents()}
+        jobs = _jobs(sources, known, options, feature_set, writer.settings.poses)
+        summary.unchanged = len(sources) - len(jobs)
+        workers = 1 if map_fn else min(options.jobs, len(jobs) // JOBS_PER_WORKER + 1)
+        try:
+            with nullcontext(map_fn) if map_fn else mapping(workers) as apply:
+                outcomes = apply(prepare, jobs)
+                for done in _index(outcomes, known, writer, options, feature_set, summary):
+                    if progress is not None:
+                        progress(IndexProgress(done, len(jobs), summary.frames))
+            if options.prune:
+                _prune(known, writer, summary)
+            small = small_files(writer.snapshot.files, options.batch_bytes)
+            if len(writer.snapshot.files) > MOST_SEGMENT_FILES and len(small) > 1:
+                _merge(writer, small)
+        except Interrupted as exc:
+            done = summary.added + summary.changed
+            raise Interrupted(
+                exc.signal_number, f"stopped after {done} documents; run again to continue"
+            ) from exc
+    summary.seconds = time.perf_counter() - started
+    return summary
+
+
+def compact_store(
+    store: Path, *, lock_timeout: float = 0.0, use_lock: bool = True
+) -> tuple[int, int]:
+    """Merge the segment files of a store into one and drop what was removed.
+
+    Parameters
+    ----------
+    store : Path
+    lock_timeout : float
+        Seconds to wait for another writer.
+    use_lock : bool
+        False: write without a lock.
+
+    Returns
+    -------
+    before, after : int
+        Segment files.
+
+    Raises
+    ------
+    StoreError, LockedError, WriteError
+    """
+    with writing(store, command="compact", lock_timeout=lock_timeout, use_lock=use_lock) as writer:
+        files = writer.snapshot.files
+        if len(files) > 1 or any(not entry.live for file in files for entry in file.documents):
+            _merge(writer, files)
+        return len(files), len(writer.snapshot.files)
+
+
+def _jobs(
+    sources: Sequence[Source],
+    known: Mapping[str, Document],
+    options: IndexOptions,
+    feature_set: FeatureSet,
+    poses: bool,
+) -> list[Job]:
+    jobs = []
+    for source in sources:
+        document = known.get(source.name)
+        if document is None or not is_unchanged(source, document, options.read):
+            jobs.append(Job(source, document, options.read, feature_set, options.rate, poses))
+    return jobs
+
+
+@dataclass
+class _OpenBatch:
+    """Documents that wait to be committed together."""
+
+    prepared: list[Prepared] = field(default_factory=list)
+    size: int = 0
+
+    def add(self, prepared: Prepared) -> None:
+        self.prepared.append(prepared)
+        self.size += prepared.words.nbytes
+        self.size += 0 if prepared.poses is None else prepared.poses.nbytes
+
+    def commit(self, writer: Writer, feature_set: FeatureSet) -> None:
+        if self.prepared:
+            writer.commit(_laid_out(self.prepared, feature_set, writer.settings.poses))
+        self.prepared, self.size = [], 0
+
+
+def _laid_out(prepared: Sequence[Prepared], feature_set: FeatureSet, poses: bool) -> Batch:
+    def stream() -> Iterator[NDArray[np.float32]]:
+        return (one.poses for one in prepared if one.poses is not None)
+
+    documents = [one.document for one in prepared]
+    words = [one.words for one in prepared]
+    return make_batch(documents, words, stream if poses else None, feature_set)
+
+
+def _index(
+    outcomes: Iterable[Outcome],
+    known: Mapping[str, Document],
+    writer: Writer,
+    options: IndexOptions,
+    feature_set: FeatureSet,
+    summary: IndexSummary,
+) -> Iterator[int]:
+    """Commit what is prepared, batch by batch; yield how many outcomes have been dealt with."""
+    batch = _OpenBatch()
+    for done, outcome in enumerate(outcomes, start=1):
+        if isinstance(outcome, Unchanged):
+            summary.unchanged += 1
+        elif isinstance(outcome, Refused):
+            if not options.skip_bad:
+                raise FormatError(f"{outcome.message} (--skip-bad passes over such files)")
+            summary.refused.append(outcome)
+        else:
+            batch.add(outcome)
+            summary.frames += outcome.document.frames
+            if outcome.assumed_rate:
+                summary.assumed_rate.append(outcome.document.name)
+            if batch.size >= options.batch_bytes:
+                _commit(batch, known, writer, feature_set, summary)
+        yield done
+    _commit(batch, known, writer, feature_set, summary)
+
+
+def _commit(
+    batch: _OpenBatch,
+    known: Mapping[str, Document],
+    writer: Writer,
+    feature_set: FeatureSet,
+    summary: IndexSummary,
+) -> None:
+    names = [prepared.document.name for prepared in batch.prepared]
+    batch.commit(writer, feature_set)
+    changed = sum(name in known for name in names)
+    summary.changed += changed
+    summary.added += len(names) - changed
+
+
+def _prune(known: Mapping[str, Document], writer: Writer, summary: IndexSummary) -> None:
+    """Drop documents whose file is gone; a folder that is gone as a whole may come back."""
+    gone = [
+        name
+        for name, document in known.items()
+        if os.path.isdir(document.root) and not os.path.lexists(document.source)
+    ]
+    if gone:
+        writer.commit(None, remove=gone)
+        summary.removed = len(gone)
+
+
+def _merge(writer: Writer, files: Sequence[SegmentFile]) -> None:
+    feature_set = store_feature_set(writer.snapshot)
+    writer.replace(merged_batch(writer.snapshot, files, feature_set), files)

@@ -1,0 +1,136 @@
+"""What a store holds, and what is known of one document."""
+
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from mocapidx.errors import ParameterError
+from mocapidx.features.featureset import PARTS, FeatureSet
+from mocapidx.printable import shown
+from mocapidx.store import schema
+from mocapidx.store.manifest import Document, Placed
+from mocapidx.store.read import Snapshot, open_store
+from mocapidx.tasks.records import Record
+from mocapidx.tasks.segment_sources import segment_source, store_feature_set, untrusted_mask
+
+__all__ = ["document_info", "store_info"]
+
+
+def store_info(store: Path) -> Record:
+    """Count what a store holds.
+
+    Parameters
+    ----------
+    store : Path
+
+    Returns
+    -------
+    mapping of str to number or str
+        Documents, minutes, frames; segments, lists and bytes a segment of each sub-index (the
+        serialised lists alone); size on disk, feature set and versions.
+
+    Raises
+    ------
+    StoreError
+    """
+    with open_store(store) as snapshot:
+        feature_set = store_feature_set(snapshot)
+        settings = snapshot.manifest.settings
+        documents = snapshot.documents()
+        frames = sum(entry.document.frames for entry in documents)
+        facts: dict[str, object] = {
+            "documents": len(documents),
+            "minutes": round(frames / settings.rate / 60, 2),
+            "frames": frames,
+            "rate_hz": settings.rate,
+            "poses": "kept" if settings.poses else "not kept",
+            "feature_set": f"{feature_set.name} ({len(feature_set.features)} features)",
+            "feature_set_digest": feature_set.digest,
+            "segment_files": len(snapshot.files),
+            "megabytes": round(sum(f.h5.size + f.idx.size for f in snapshot.files) / 1e6, 2),
+        }
+        for part in PARTS:
+            facts |= _part_facts(snapshot, feature_set, part)
+        facts |= {
+            "store_format": schema.FORMAT_VERSION,
+            "commits": snapshot.manifest.generation,
+            "mocapidx": version("mocapidx"),
+        }
+    return facts
+
+
+def _part_facts(snapshot: Snapshot, feature_set: FeatureSet, part: str) -> dict[str, object]:
+    segments = size = 0
+    words: set[int] = set()
+    for file in snapshot.files:
+        source = segment_source(snapshot, file, feature_set)
+        lists = source.parts[PARTS.index(part)].lists
+        segments += int(lists.counts.sum())
+        size += lists.size
+        words.update(lists.words.tolist())
+    return {
+        f"{part}_segments": segments,
+        f"{part}_lists": len(words),
+        f"{part}_bytes_a_segment": round(size / max(segments, 1), 2),
+    }
+
+
+def document_info(store: Path, name: str) -> Record:
+    """Tell what is known of one document.
+
+    Parameters
+    ----------
+    store : Path
+    name : str
+        The document's name.
+
+    Returns
+    -------
+    mapping of str to number or str
+        Length, source, segments of each sub-index, how its skeleton was understood, and the
+        features that can't be trusted in it.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such document.
+    StoreError
+    """
+    with open_store(store) as snapshot:
+        entry = _find(snapshot, name)
+        document = entry.document
+        feature_set = store_feature_set(snapshot)
+        facts: dict[str, object] = {
+            "document": document.name,
+            "source": str(document.source),
+            "seconds": round(document.frames / snapshot.manifest.settings.rate, 3),
+            "frames": document.frames,
+            "source_frames": document.source_frames,
+            "source_rate_hz": document.source_rate,
+            "segment_file": entry.file.names[0],
+        }
+        source = segment_source(snapshot, entry.file, feature_set)
+        for name, part in zip(PARTS, source.parts, strict=True):
+            ends = (entry.first, entry.first + document.frames)
+            low, high = np.searchsorted(part.starts, np.array(ends, np.uint32))
+            facts[f"{name}_segments"] = int(high - low)
+        facts["untrusted_features"] = _untrusted(document, feature_set)
+        facts |= {
+            key: value if isinstance(value, (int, float, str)) else str(value)
+            for key, value in document.rig.items()
+            if key not in ("options", "untrusted")
+        }
+    return facts
+
+
+def _find(snapshot: Snapshot, name: str) -> Placed:
+    for entry in snapshot.documents():
+        if entry.document.name == name:
+            return entry
+    raise ParameterError(f"{snapshot.path}: has no document '{shown(name)}'")
+
+
+def _untrusted(document: Document, feature_set: FeatureSet) -> str:
+    mask = untrusted_mask(document)
+    return ", ".join(id for bit, id in enumerate(feature_set.ids) if mask >> bit & 1) or "none"

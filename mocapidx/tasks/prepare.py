@@ -1,0 +1,207 @@
+"""From one motion file to what a store keeps of it; runs in any process."""
+
+import hashlib
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mocapidx.errors import FormatError
+from mocapidx.features.extract import extract_features, untrusted_features
+from mocapidx.features.featureset import FeatureSet
+from mocapidx.features.words import pack_words
+from mocapidx.formats.registry import sources_of
+from mocapidx.model import WordArray
+from mocapidx.printable import shown
+from mocapidx.skeleton.resample import resample_motion
+from mocapidx.store.manifest import Document, Rig
+from mocapidx.tasks.hits import SOURCE_START
+from mocapidx.tasks.read import Reading, ReadOptions, read_take
+from mocapidx.tasks.segment_sources import UNTRUSTED
+from mocapidx.tasks.sources import Source
+
+__all__ = ["Job", "Prepared", "Refused", "Unchanged", "is_unchanged", "prepare"]
+
+PIECE: Final = 1 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """A motion file to be prepared, and what the store knows of it."""
+
+    source: Source
+    known: Document | None
+    options: ReadOptions
+    feature_set: FeatureSet
+    rate: float
+    poses: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """What a store keeps of one motion file.
+
+    Parameters
+    ----------
+    document : Document
+    words : ndarray of uint64, shape (T,)
+        Feature words at the store's rate; untrusted features are 0.
+    poses : ndarray of float32, shape (T, 24, 3), or None
+        Joint positions in metres.
+    assumed_rate : bool
+        Whether nothing says the source's rate.
+    """
+
+    document: Document
+    words: WordArray
+    poses: NDArray[np.float32] | None
+    assumed_rate: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Unchanged:
+    """A motion file whose bytes are those of the last run."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """A motion file that can't be used, and why."""
+
+    name: str
+    message: str
+
+
+Outcome: TypeAlias = Prepared | Unchanged | Refused
+
+
+def is_unchanged(source: Source, known: Document, options: ReadOptions) -> bool:
+    """Tell by size and time of change whether a source, and its skeleton, are as they were.
+
+    Parameters
+    ----------
+    source : Source
+    known : Document
+        Of the same name.
+    options : ReadOptions
+        How it would be read now.
+
+    Returns
+    -------
+    bool
+    """
+    if known.root != source.root or known.rig.get("options") != _told(options):
+        return False
+    if _stamp(source.path) != [known.size, known.mtime_ns]:
+        return False
+    skeleton = known.rig.get("skeleton")
+    return skeleton is None or _stamp(Path(skeleton[0])) == skeleton[1:]
+
+
+def prepare(job: Job) -> Outcome:
+    """Read a motion file and extract its feature words.
+
+    Parameters
+    ----------
+    job : Job
+
+    Returns
+    -------
+    Prepared, Unchanged or Refused
+    """
+    path = job.source.path
+    try:
+        sources = sources_of(path, job.options.skeleton)
+        stamps = [_stamp(source) for source in sources]
+        digest = _digest(sources)
+        if _is_same(job, digest):
+            return Unchanged(job.source.name)
+        reading = read_take(path, job.options)
+    except FormatError as exc:
+        return Refused(job.source.name, str(exc))
+    if [_stamp(source) for source in sources] != stamps:
+        message = f"{shown(path)}: changed while it was read; try again when it is whole"
+        return Refused(job.source.name, message)
+    motion = resample_motion(reading.motion, job.rate)
+    untrusted = untrusted_features(motion, job.feature_set)
+    words = pack_words(extract_features(motion, job.feature_set, job.rate))
+    document = Document(
+        name=job.source.name,
+        root=job.source.root,
+        path=None,
+        digest=digest,
+        size=stamps[0][0],
+        mtime_ns=stamps[0][1],
+        frames=len(words),
+        source_frames=reading.source_frames,
+        source_rate=reading.motion.rate,
+        rig=_rig(reading, sources[1:], stamps[1:], job.options, untrusted),
+    )
+    return Prepared(
+        document,
+        words & ~np.uint64(untrusted),
+        motion.positions.astype(np.float32) if job.poses else None,
+        reading.rate_origin == "assumed",
+    )
+
+
+def _is_same(job: Job, digest: str) -> bool:
+    known = job.known
+    return (
+        known is not None
+        and known.digest == digest
+        and known.root == job.source.root
+        and known.rig.get("options") == _told(job.options)
+    )
+
+
+def _rig(
+    reading: Reading,
+    skeletons: tuple[Path, ...],
+    stamps: list[list[int]],
+    options: ReadOptions,
+    untrusted: int,
+) -> Rig:
+    rig: dict[str, Any] = dict(reading.conventions.to_dict())
+    rig["rate_origin"] = reading.rate_origin
+    rig[SOURCE_START] = reading.source_start
+    rig["options"] = _told(options)
+    rig[UNTRUSTED] = f"{untrusted:x}"
+    if skeletons:
+        rig["skeleton"] = [os.path.abspath(skeletons[0]), *stamps[0]]
+    return rig
+
+
+def _told(options: ReadOptions) -> str:
+    """Put the options into words, to see later whether they have changed."""
+    return repr(options)
+
+
+def _stamp(path: Path) -> list[int]:
+    """Give size in bytes and time of change in nanoseconds; nothing of a file that is gone."""
+    try:
+        status = os.stat(path)
+    except OSError:
+        return []
+    return [status.st_size, status.st_mtime_ns]
+
+
+def _digest(sources: tuple[Path, ...]) -> str:
+    """BLAKE2b over the bytes of a take's files; the reader has the last word on odd files."""
+    digest = hashlib.blake2b(digest_size=16)
+    for path in sources:
+        if not path.is_file():  # a pipe would block for ever
+            continue
+        try:
+            with path.open("rb") as file:
+                while piece := file.read(PIECE):
+                    digest.update(piece)
+        except OSError as exc:
+            reason = (exc.strerror or "").lower()
+            raise FormatError(f"{shown(path)}: can't be read: {reason}") from exc
+        digest.update(b"\0end of file\0")
+    return digest.hexdigest()

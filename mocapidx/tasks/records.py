@@ -1,0 +1,137 @@
+"""Records as text: aligned tables for people, JSON lines and CSV for programs."""
+
+import csv
+import io
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TypeAlias
+
+from mocapidx.durable import durable_replace
+from mocapidx.model import Hit
+from mocapidx.printable import shown
+
+__all__ = ["HIT_COLUMNS", "Record", "hit_record", "pair_records", "render_records", "save_text"]
+
+Record: TypeAlias = Mapping[str, object]
+
+HIT_COLUMNS = (
+    "rank",
+    "document",
+    "start_time",
+    "end_time",
+    "source_start_frame",
+    "source_end_frame",
+    "cost",
+    "label",
+)
+"""What a table shows of a hit."""
+
+
+def hit_record(hit: Hit, rank: int) -> Record:
+    """Lay out a hit as the record that all commands print.
+
+    Parameters
+    ----------
+    hit : Hit
+    rank : int
+        From 1.
+
+    Returns
+    -------
+    dict
+        Keys in their fixed order; times in seconds, rounded to microseconds; the cost rounded
+        to nine digits.
+    """
+    return {
+        "rank": rank,
+        "document": hit.document,
+        "start_frame": hit.start_frame,
+        "end_frame": hit.end_frame,
+        "start_time": round(hit.start_time, 6),
+        "end_time": round(hit.end_time, 6),
+        "source_start_frame": hit.source_start_frame,
+        "source_end_frame": hit.source_end_frame,
+        "cost": round(hit.cost, 9),
+        "label": hit.label,
+    }
+
+
+def pair_records(facts: Record) -> list[Record]:
+    """Lay out the facts about one thing as a record each, for a table or CSV."""
+    return [{"what": what, "value": value} for what, value in facts.items()]
+
+
+def render_records(
+    records: Iterable[Record], row_format: str, columns: Sequence[str]
+) -> Iterator[str]:
+    """Turn records into lines of text without their line ends.
+
+    Parameters
+    ----------
+    records : iterable of mapping
+        All with the same keys.
+    row_format : {"table", "jsonl", "csv"}
+    columns : sequence of str
+        The columns of a table; ``csv`` takes them for its header where there is no record.
+        JSON lines and CSV hold every key of a record.
+
+    Yields
+    ------
+    str
+        One line a record; tables and CSV have a header line first.
+    """
+    if row_format == "jsonl":
+        # ASCII keeps odd names (lone surrogates, control characters) valid JSON everywhere.
+        yield from (json.dumps(record, ensure_ascii=True) for record in records)
+    elif row_format == "csv":
+        yield from _csv_lines(list(records), columns)
+    else:
+        yield from _table_lines(list(records), columns)
+
+
+def _csv_lines(records: Sequence[Record], columns: Sequence[str]) -> Iterator[str]:
+    header = list(records[0]) if records else list(columns)
+    for row in (header, *(map(_csv_cell, record.values()) for record in records)):
+        line = io.StringIO()
+        csv.writer(line, lineterminator="").writerow(row)
+        yield line.getvalue()
+
+
+def _csv_cell(value: object) -> object:
+    if not isinstance(value, str):
+        return value
+    text = shown(value)
+    return f"'{text}" if text[:1] in "=+-@" and text else text  # no formula in a spreadsheet
+
+
+def _table_lines(records: Sequence[Record], columns: Sequence[str]) -> Iterator[str]:
+    rows = [[_table_cell(record[name]) for name in columns] for record in records]
+    numeric = [
+        bool(records) and all(isinstance(record[name], (int, float)) for record in records)
+        for name in columns
+    ]
+    widths = [max(map(len, column)) for column in zip(columns, *rows, strict=True)]
+    for row in ([name.replace("_", " ") for name in columns], *rows):
+        cells = (
+            cell.rjust(width) if right else cell.ljust(width)
+            for cell, width, right in zip(row, widths, numeric, strict=True)
+        )
+        yield "  ".join(cells).rstrip()
+
+
+def _table_cell(value: object) -> str:
+    if isinstance(value, float):
+        return f"{value:.3f}"
+    return shown(str(value))
+
+
+def save_text(lines: Iterable[str], path: Path) -> None:
+    """Write lines to a file that is whole or not there.
+
+    Raises
+    ------
+    WriteError
+        If the file could not be written; one that was there before is unchanged.
+    """
+    durable_replace(path, (f"{line}\n".encode() for line in lines))
