@@ -4,10 +4,10 @@ import hashlib
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from mocapidx.store import schema
 from mocapidx.store.manifest import Document, StoreSettings
+from mocapidx.store.read import open_store
 from mocapidx.store.write import Batch, writing
 
 SETTINGS = StoreSettings(
@@ -64,16 +64,25 @@ def store_bytes(path):
     }
 
 
-@pytest.fixture
-def settings():
-    return SETTINGS
-
-
-@pytest.fixture
-def store(tmp_path):
-    """A store of two segment files with five documents."""
-    path = tmp_path / "takes.store"
+def make_store(path):
+    """Write a store of two segment files with five documents."""
     with writing(path, command="test", create=SETTINGS) as writer:
         writer.commit(make_batch({"a/walk.amc": 40, "a/jog.amc": 25, "b/kick.amc": 31}))
         writer.commit(make_batch({"c.bvh": 12, "d \udc80\x1b.bvh": 7}, seed=1))
     return path
+
+
+def names_of(path):
+    """The live documents of a store, sorted."""
+    with open_store(path) as snapshot:
+        return sorted(entry.document.name for entry in snapshot.documents())
+
+
+def read_everything(path):
+    """All that a reader can ask of a store; every byte that it uses is checked on the way."""
+    with open_store(path) as snapshot:
+        found = [snapshot.manifest]
+        for file in snapshot.files:
+            found += [snapshot.array(file, name).tobytes() for name in sorted(file.datasets)]
+            found.append(snapshot.index_head(file))
+    return found

@@ -8,7 +8,6 @@ a reader does not even import it.
 import contextlib
 import errno
 import os
-import stat
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
@@ -19,8 +18,8 @@ from numpy.typing import NDArray
 from mocapidx.errors import ParameterError, StoreError
 from mocapidx.store import schema
 from mocapidx.store.encoding import decode_manifest
+from mocapidx.store.files import DamagedError, open_regular, open_segment, read_exactly, reason
 from mocapidx.store.manifest import (
-    FileRecord,
     Manifest,
     Placed,
     SegmentFile,
@@ -28,39 +27,10 @@ from mocapidx.store.manifest import (
     file_digest,
 )
 
-__all__ = [
-    "DamagedError",
-    "Snapshot",
-    "open_regular",
-    "open_store",
-    "read_exactly",
-    "read_manifest",
-]
+__all__ = ["Snapshot", "open_store", "read_manifest"]
 
 ATTEMPTS: Final = 5
 MOVED: Final = frozenset({errno.ENOENT, errno.ESTALE})
-
-
-class DamagedError(StoreError):
-    """A segment file is not what the manifest says.
-
-    Parameters
-    ----------
-    store : Path
-        Folder of the store.
-    name : str
-        Of the file in the folder of segments.
-    what : str
-        What was found.
-    """
-
-    def __init__(self, store: Path, name: str, what: str) -> None:
-        super().__init__(
-            f"{store / schema.SEGMENTS / name}: damaged ({what}); "
-            f"run 'mocapidx verify {store} --repair'"
-        )
-        self.name = name
-        self.what = what
 
 
 class Snapshot:
@@ -254,7 +224,7 @@ class Snapshot:
         try:
             return read_exactly(self._open(file, which), offset, size)
         except (OSError, EOFError) as exc:
-            raise DamagedError(self.path, name, _reason(exc)) from exc
+            raise DamagedError(self.path, name, reason(exc)) from exc
 
 
 def open_store(path: Path) -> Snapshot:
@@ -284,7 +254,7 @@ def open_store(path: Path) -> Snapshot:
             # A commit may have taken files away since the manifest was read: look again.
             if exc.errno not in MOVED or attempt == ATTEMPTS:
                 name = os.path.basename(exc.filename or "") or schema.SEGMENTS
-                raise DamagedError(path, name, _reason(exc)) from exc
+                raise DamagedError(path, name, reason(exc)) from exc
     raise StoreError(f"{path}: its manifest changes too often")
 
 
@@ -321,105 +291,5 @@ def read_manifest(path: Path) -> Manifest:
     except (FileNotFoundError, NotADirectoryError) as exc:
         raise StoreError(f"{path}: no store here; make one with 'mocapidx index'") from exc
     except (OSError, EOFError) as exc:
-        raise StoreError(f"{place}: can't be read ({_reason(exc)})") from exc
+        raise StoreError(f"{place}: can't be read ({reason(exc)})") from exc
     return decode_manifest(data, place)
-
-
-def open_segment(store: Path, name: str, record: FileRecord) -> int:
-    """Open a file of the segments folder, whose name no manifest chooses.
-
-    Parameters
-    ----------
-    store : Path
-        Folder of the store.
-    name : str
-        Of the file.
-    record : FileRecord
-        What it should be.
-
-    Returns
-    -------
-    int
-        Descriptor, open for reading.
-
-    Raises
-    ------
-    StoreError
-        If it is no regular file or has another size.
-    OSError
-        If it can't be opened.
-    """
-    if not schema.SEGMENT_NAME.fullmatch(name):
-        raise DamagedError(store, name, "no name of a segment file")
-    folder = store / schema.SEGMENTS
-    if stat.S_ISLNK(os.lstat(folder).st_mode):
-        raise DamagedError(store, "", "a symbolic link")
-    descriptor = open_regular(folder / name)
-    size = os.fstat(descriptor).st_size
-    if size != record.size:
-        os.close(descriptor)
-        raise DamagedError(store, name, f"{size} bytes, expected {record.size}")
-    return descriptor
-
-
-def open_regular(path: Path) -> int:
-    """Open a regular file for reading; follows no link and waits on no pipe.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    int
-        Descriptor.
-
-    Raises
-    ------
-    OSError
-        If the system refuses, or the file is a link, a device or the like.
-    """
-    flags = os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
-    descriptor = os.open(path, flags)
-    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-        os.close(descriptor)
-        raise OSError(errno.EINVAL, "not a regular file", str(path))
-    return descriptor
-
-
-def read_exactly(descriptor: int, offset: int, size: int) -> bytes:
-    """Read a range of a file.
-
-    Parameters
-    ----------
-    descriptor : int
-        Open for reading.
-    offset, size : int
-        In bytes.
-
-    Returns
-    -------
-    bytes
-        Exactly `size` of them.
-
-    Raises
-    ------
-    EOFError
-        If the file ends before.
-    OSError
-        If the system can't read it.
-    """
-    pieces: list[bytes] = []
-    while size:
-        piece = os.pread(descriptor, size, offset)
-        if not piece:
-            raise EOFError("the file is cut off")
-        pieces.append(piece)
-        offset, size = offset + len(piece), size - len(piece)
-    return pieces[0] if len(pieces) == 1 else b"".join(pieces)
-
-
-def _reason(error: OSError | EOFError) -> str:
-    text = error.strerror if isinstance(error, OSError) else str(error)
-    return (text or type(error).__name__).lower()

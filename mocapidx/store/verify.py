@@ -15,8 +15,9 @@ from typing import Final
 
 from mocapidx.store import schema
 from mocapidx.store.encoding import meta_json
+from mocapidx.store.files import DamagedError, open_segment, read_exactly, reason
 from mocapidx.store.manifest import FileRecord, SegmentFile, file_digest
-from mocapidx.store.read import DamagedError, Snapshot, open_segment, read_exactly
+from mocapidx.store.read import Snapshot
 
 __all__ = ["Problem", "check_blocks", "check_digests", "check_schemas"]
 
@@ -164,13 +165,13 @@ def _digest_fault(path: Path, name: str, record: FileRecord) -> str | None:
     except DamagedError as exc:
         return exc.what
     except OSError as exc:
-        return (exc.strerror or type(exc).__name__).lower()
+        return reason(exc)
     try:
         digest = file_digest()
         for start in range(0, record.size, PIECE):
             digest.update(read_exactly(descriptor, start, min(PIECE, record.size - start)))
     except (OSError, EOFError) as exc:
-        return str(exc)
+        return reason(exc)
     finally:
         os.close(descriptor)
     return None if digest.hexdigest() == record.digest else "it does not match its digest"

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from mocapidx.durable import replace_file, sync_folder, write_error
 from mocapidx.errors import MocapidxError, ParameterError, StoreError, WriteError
 from mocapidx.store import schema
-from mocapidx.store.encoding import encode_manifest, meta_json
+from mocapidx.store.encoding import decode_manifest, encode_manifest, meta_json
 from mocapidx.store.image import lay_out
 from mocapidx.store.lock import locked
 from mocapidx.store.manifest import (
@@ -31,6 +31,7 @@ from mocapidx.store.manifest import (
     file_digest,
     segment_names,
 )
+from mocapidx.store.place import check_writable, make_folder, sweep, unmake_folder
 from mocapidx.store.read import Snapshot, read_manifest
 
 __all__ = ["Batch", "StoreSettings", "Writer", "check_writable", "writing"]
@@ -198,6 +199,7 @@ class Writer:
             else:
                 sweep(self.path, self.manifest)
             data = encode_manifest(manifest)
+            manifest = _readable(data, self.path)
             self._usable = False  # from here on only success tells which manifest is there
             replace_file(self.path / schema.MANIFEST, data)
         try:
@@ -309,7 +311,7 @@ def writing(
     check_writable(path)
     if create is None:
         read_manifest(path)
-    made = create is not None and _make(path)
+    made = create is not None and make_folder(path)
     try:
         with (
             locked(path, command=command, timeout=lock_timeout, use_lock=use_lock),
@@ -322,76 +324,11 @@ def writing(
                 yield writer
             finally:
                 if made and not (path / schema.MANIFEST).exists():
-                    _unmake(path)
+                    unmake_folder(path)
     except OSError as exc:
         raise write_error(
             exc, path, subject=str(path), needed=None, unchanged="store unchanged"
         ) from exc
-
-
-def check_writable(path: Path) -> None:
-    """Refuse a place where no store can be written, before any work is done for it.
-
-    Parameters
-    ----------
-    path : Path
-        Folder of a store, there or yet to be made.
-
-    Raises
-    ------
-    ParameterError
-        If it is no folder, its parent does not exist, or it holds other things than a store.
-    WriteError
-        If it may not be written.
-    """
-    if not os.path.lexists(path):
-        folder = path.parent
-        if not folder.is_dir():
-            raise ParameterError(f"{path}: there is no folder {folder}; make it first")
-    elif not path.is_dir():
-        raise ParameterError(f"{path}: is a file, a store is a folder; give another --store")
-    else:
-        folder = path
-        if not os.path.lexists(path / schema.MANIFEST) and _strangers(path):
-            raise ParameterError(
-                f"{path}: is a folder with other things in it, not a store; give another --store"
-            )
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise WriteError(f"{path}: may not be written; see to its permissions or its file system")
-
-
-def sweep(path: Path, manifest: Manifest) -> None:
-    """Remove what a commit that was cut short left behind, and files that were replaced.
-
-    Parameters
-    ----------
-    path : Path
-        Folder of the store.
-    manifest : Manifest
-        Of the last commit.
-
-    Raises
-    ------
-    OSError
-        If a file can't be removed.
-    """
-    named = {name for file in manifest.files for name in file.names}
-    folder = path / schema.SEGMENTS
-    orphans = [
-        place
-        for place in (*path.iterdir(), *(folder.iterdir() if folder.is_dir() else ()))
-        if schema.TEMPORARY_NAME.fullmatch(place.name)
-        or (
-            place.parent == folder
-            and schema.SEGMENT_NAME.fullmatch(place.name)
-            and place.name not in named
-        )
-    ]
-    if orphans:
-        # The manifest that drops them may have been renamed in but not synced.
-        sync_folder(path)
-    for place in orphans:
-        place.unlink(missing_ok=True)
 
 
 def _agreed(path: Path, create: StoreSettings | None) -> Manifest:
@@ -413,35 +350,6 @@ def _agreed(path: Path, create: StoreSettings | None) -> Manifest:
             "leave --rate out or give another --store"
         )
     return manifest
-
-
-def _make(path: Path) -> bool:
-    """Make the folder; tell whether it was not there."""
-    try:
-        path.mkdir()
-        sync_folder(path.parent)
-    except FileExistsError:
-        return False
-    except OSError as exc:
-        raise write_error(
-            exc, path, subject=str(path), needed=None, unchanged="nothing was made"
-        ) from exc
-    return True
-
-
-def _unmake(path: Path) -> None:
-    with contextlib.suppress(OSError):
-        if (path / schema.SEGMENTS).is_dir():
-            (path / schema.SEGMENTS).rmdir()
-        (path / schema.LOCK).unlink(missing_ok=True)
-        path.rmdir()
-
-
-def _strangers(path: Path) -> bool:
-    ours = {schema.LOCK, schema.SEGMENTS}
-    return any(
-        name not in ours and not schema.TEMPORARY_NAME.fullmatch(name) for name in os.listdir(path)
-    )
 
 
 def _without(file: SegmentFile, names: Collection[str]) -> SegmentFile:
@@ -471,11 +379,19 @@ def _check(batch: Batch, settings: StoreSettings) -> None:
         raise ParameterError("the head of an index must lie in the index")
 
 
+def _readable(data: bytes, path: Path) -> Manifest:
+    """Take a manifest as a reader would, before it is in place."""
+    try:
+        return decode_manifest(data, path / schema.MANIFEST)
+    except StoreError as exc:
+        raise ParameterError(f"the batch can't be kept: {exc.__cause__ or exc}") from exc
+
+
 def _shapes(batch: Batch) -> dict[str, tuple[int, ...]]:
     frames = sum(document.frames for document in batch.documents)
     shapes = {}
     for path, values in batch.arrays.items():
-        rows = len(values) if isinstance(values, np.ndarray) else frames
+        rows = len(values) if isinstance(values, np.ndarray) and path[:5] == "runs/" else frames
         shapes[path] = (rows, *schema.column(path).trailing)
     return shapes
 

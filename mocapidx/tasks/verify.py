@@ -11,8 +11,9 @@ import numpy as np
 from mocapidx.features.featureset import PARTS, FeatureSet, parse_feature_set
 from mocapidx.index.build import build_runs
 from mocapidx.index.postings import encode_index
+from mocapidx.store.files import DamagedError
 from mocapidx.store.manifest import SegmentFile, StoreSettings
-from mocapidx.store.read import DamagedError, Snapshot, read_manifest
+from mocapidx.store.read import Snapshot, read_manifest
 from mocapidx.store.verify import Problem, check_blocks, check_digests, check_schemas
 from mocapidx.store.write import writing
 from mocapidx.tasks.batch import merged_batch

@@ -1,0 +1,146 @@
+"""Open and read the files of a store, and say what is wrong with one."""
+
+import errno
+import os
+import stat
+from pathlib import Path
+
+from mocapidx.errors import StoreError
+from mocapidx.store import schema
+from mocapidx.store.manifest import FileRecord
+
+__all__ = ["DamagedError", "open_regular", "open_segment", "read_exactly", "reason"]
+
+
+class DamagedError(StoreError):
+    """A segment file is not what the manifest says.
+
+    Parameters
+    ----------
+    store : Path
+        Folder of the store.
+    name : str
+        Of the file in the folder of segments.
+    what : str
+        What was found.
+    """
+
+    def __init__(self, store: Path, name: str, what: str) -> None:
+        super().__init__(
+            f"{store / schema.SEGMENTS / name}: damaged ({what}); "
+            f"run 'mocapidx verify {store} --repair'"
+        )
+        self.name = name
+        self.what = what
+
+
+def open_segment(store: Path, name: str, record: FileRecord) -> int:
+    """Open a file of the segments folder, whose name no manifest chooses.
+
+    Parameters
+    ----------
+    store : Path
+        Folder of the store.
+    name : str
+        Of the file.
+    record : FileRecord
+        What it should be.
+
+    Returns
+    -------
+    int
+        Descriptor, open for reading.
+
+    Raises
+    ------
+    StoreError
+        If it is no regular file or has another size.
+    OSError
+        If it can't be opened.
+    """
+    if not schema.SEGMENT_NAME.fullmatch(name):
+        raise DamagedError(store, name, "no name of a segment file")
+    folder = store / schema.SEGMENTS
+    if stat.S_ISLNK(os.lstat(folder).st_mode):
+        raise DamagedError(store, "", "a symbolic link")
+    descriptor = open_regular(folder / name)
+    size = os.fstat(descriptor).st_size
+    if size != record.size:
+        os.close(descriptor)
+        raise DamagedError(store, name, f"{size} bytes, expected {record.size}")
+    return descriptor
+
+
+def open_regular(path: Path) -> int:
+    """Open a regular file for reading; follows no link and waits on no pipe.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    int
+        Descriptor.
+
+    Raises
+    ------
+    OSError
+        If the system refuses, or the file is a link, a device or the like.
+    """
+    flags = os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
+    descriptor = os.open(path, flags)
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        raise OSError(errno.EINVAL, "not a regular file", str(path))
+    return descriptor
+
+
+def read_exactly(descriptor: int, offset: int, size: int) -> bytes:
+    """Read a range of a file.
+
+    Parameters
+    ----------
+    descriptor : int
+        Open for reading.
+    offset, size : int
+        In bytes.
+
+    Returns
+    -------
+    bytes
+        Exactly `size` of them.
+
+    Raises
+    ------
+    EOFError
+        If the file ends before.
+    OSError
+        If the system can't read it.
+    """
+    pieces: list[bytes] = []
+    while size:
+        piece = os.pread(descriptor, size, offset)
+        if not piece:
+            raise EOFError("the file is cut off")
+        pieces.append(piece)
+        offset, size = offset + len(piece), size - len(piece)
+    return pieces[0] if len(pieces) == 1 else b"".join(pieces)
+
+
+def reason(error: OSError | EOFError) -> str:
+    """Say in a few words why reading failed.
+
+    Parameters
+    ----------
+    error : OSError or EOFError
+        What was raised.
+
+    Returns
+    -------
+    str
+        In lower case.
+    """
+    text = error.strerror if isinstance(error, OSError) else str(error)
+    return (text or type(error).__name__).lower()

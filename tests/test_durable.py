@@ -1,0 +1,151 @@
+import errno
+import os
+import stat
+
+import pytest
+
+from mocapidx import durable
+from mocapidx.durable import durable_replace, sync_folder
+from mocapidx.errors import ParameterError, WriteError
+
+
+def failing(number, message="made to fail"):
+    def fail(*_args, **_kwargs):
+        raise OSError(number, message)
+
+    return fail
+
+
+@pytest.fixture
+def target(tmp_path):
+    path = tmp_path / "out.txt"
+    path.write_bytes(b"before")
+    return path
+
+
+def names(folder):
+    return sorted(place.name for place in folder.iterdir())
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"after", [b"af", memoryview(b"ter")], (b"x" for _ in range(3)), [b"y" * 40_000_000]],
+    ids=["empty", "bytes", "pieces", "generator", "large"],
+)
+def test_the_new_content_is_there_and_nothing_else(target, content):
+    content = list(content) if not isinstance(content, bytes) else content
+    durable_replace(target, content)
+    assert target.read_bytes() == (content if isinstance(content, bytes) else b"".join(content))
+    assert names(target.parent) == ["out.txt"]
+
+
+def test_a_file_keeps_its_permissions_and_a_link_stays_a_link(target, tmp_path):
+    target.chmod(0o600)
+    link = tmp_path / "link"
+    link.symlink_to(target)
+    durable_replace(link, b"after")
+    assert link.is_symlink()
+    assert target.read_bytes() == b"after"
+    assert stat.S_IMODE(target.stat().st_mode) == 0o600
+
+
+def test_everything_is_synced_before_the_rename_and_the_folder_after_it(target, monkeypatch):
+    order = []
+    fsync, rename = os.fsync, os.rename
+    monkeypatch.setattr(
+        os,
+        "fsync",
+        lambda fd: (order.append(stat.S_IFMT(os.fstat(fd).st_mode)), fsync(fd)),
+    )
+    monkeypatch.setattr(os, "rename", lambda *a: (order.append("rename"), rename(*a)))
+    durable_replace(target, b"after")
+    assert order == [stat.S_IFREG, "rename", stat.S_IFDIR]
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT, errno.EFBIG])
+def test_a_full_disk_is_one_line_with_the_room_that_is_missing(target, monkeypatch, number):
+    monkeypatch.setattr(os, "write", failing(number))
+    with pytest.raises(WriteError) as caught:
+        durable_replace(
+            target, b"x" * 2_500_000, subject="takes.store", unchanged="store as it was"
+        )
+    message = str(caught.value)
+    assert message.startswith("no space left on /")
+    assert "for takes.store: needed about 3 MB, " in message
+    assert message.endswith("; store as it was")
+    assert "\n" not in message
+    assert target.read_bytes() == b"before"
+    assert names(target.parent) == ["out.txt"]
+
+
+@pytest.mark.parametrize("call", ["write", "fsync", "rename"])
+def test_a_failing_disk_leaves_the_file_as_it_was(target, monkeypatch, call):
+    monkeypatch.setattr(os, call, failing(errno.EIO))
+    with pytest.raises(WriteError, match=r"input/output error .* is unchanged"):
+        durable_replace(target, b"after")
+    assert target.read_bytes() == b"before"
+    assert names(target.parent) == ["out.txt"]
+
+
+def test_a_failed_sync_is_never_tried_again(target, monkeypatch):
+    calls = []
+    monkeypatch.setattr(os, "fsync", lambda fd: (calls.append(fd), failing(errno.EIO)()))
+    with pytest.raises(WriteError):
+        durable_replace(target, b"after")
+    assert len(calls) == 1
+
+
+def test_a_folder_that_cannot_be_synced_leaves_it_open_what_is_saved(target, monkeypatch):
+    monkeypatch.setattr(durable, "sync_folder", failing(errno.EIO))
+    with pytest.raises(WriteError, match="may or may not be saved; running again is safe"):
+        durable_replace(target, b"after")
+    assert target.read_bytes() == b"after"
+
+
+def test_a_file_system_without_folder_sync_is_taken_as_it_is(tmp_path, monkeypatch):
+    monkeypatch.setattr(os, "fsync", failing(errno.EINVAL))
+    sync_folder(tmp_path)
+    monkeypatch.setattr(os, "fsync", failing(errno.EIO))
+    with pytest.raises(OSError, match="made to fail"):
+        sync_folder(tmp_path)
+
+
+@pytest.mark.parametrize("stop", [KeyboardInterrupt, MemoryError, ValueError])
+def test_whatever_stops_it_the_temporary_file_goes(target, stop):
+    def chunks():
+        yield b"half"
+        assert len(names(target.parent)) == 2
+        raise stop
+
+    with pytest.raises(stop):
+        durable_replace(target, chunks())
+    assert target.read_bytes() == b"before"
+    assert names(target.parent) == ["out.txt"]
+
+
+@pytest.mark.parametrize("number", [errno.EACCES, errno.EROFS, errno.EPERM])
+def test_a_place_that_may_not_be_written_is_a_write_error(target, monkeypatch, number):
+    monkeypatch.setattr(os, "open", failing(number, "Read-only file system"))
+    with pytest.raises(WriteError, match=r"out.txt: may not be written \(read-only file system\)"):
+        durable_replace(target, b"after")
+
+
+def test_a_wrong_path_is_a_parameter_error(tmp_path):
+    with pytest.raises(ParameterError, match="there is no folder"):
+        durable_replace(tmp_path / "none" / "out.txt", b"")
+    with pytest.raises(ParameterError, match="is a folder, expected a file"):
+        durable_replace(tmp_path, b"")
+
+
+def test_a_device_or_a_pipe_is_never_renamed_over(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(ParameterError, match="no regular file"):
+        durable_replace(pipe, b"after")
+    assert stat.S_ISFIFO(pipe.stat().st_mode)
+
+
+def test_a_name_as_long_as_a_file_system_allows_is_no_trouble(tmp_path):
+    path = tmp_path / ("n" * 255)
+    durable_replace(path, b"after")
+    assert path.read_bytes() == b"after"
