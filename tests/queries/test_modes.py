@@ -193,3 +193,13 @@ def test_sub_indexes_that_are_not_selected_stay_closed(mode, mask):
     source = replace(source, parts=(source.parts[0], *closed))
     query = steps_from_example(np.array([1], np.uint64), mask)
     assert len(evaluate(query, mode, source, [DocumentGroup(0, np.arange(1))])[0].bounds) == 2
+
+
+@pytest.mark.parametrize("mode", ["exact", "fuzzy", "adaptive"])
+@pytest.mark.parametrize("masks", [{"all": 0b111}, {"low": 0b11, "high": 0b100}])
+def test_the_free_place_between_documents_is_no_frame_with_all_features(mode, masks):
+    documents = [[7], [7, 7], [7], [0, 2], [7, 0, 2]]
+    query = steps_from_example(np.array([7, 0, 2], np.uint64), 0b111)
+    answer = evaluate(query, mode, source_of(documents, masks), [DocumentGroup(0, np.arange(5))])
+    assert answer[0].documents.tolist() == [4]
+    assert answer[0].bounds.tolist() == [[0, 1, 2, 3]]
