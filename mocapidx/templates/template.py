@@ -7,6 +7,7 @@ import numpy as np
 
 from mocapidx.errors import ParameterError
 from mocapidx.model import FloatArray
+from mocapidx.printable import shown
 
 __all__ = ["DELTA", "TAU", "Kind", "MotionTemplate", "TemplateSet"]
 
@@ -79,7 +80,7 @@ class MotionTemplate:
     looping: bool = False
 
     def __post_init__(self) -> None:
-        shape, where = self.matrix.shape, f"template '{self.label}'"
+        shape, where = self.matrix.shape, f"template '{shown(self.label)}'"
         if len(shape) != 2 or not (1 <= shape[0] <= LONGEST_TEMPLATE and 1 <= shape[1] <= 64):
             raise ParameterError(
                 f"{where}: the matrix must have 1 to {LONGEST_TEMPLATE} frames and 1 to 64 "
@@ -94,6 +95,8 @@ class MotionTemplate:
             raise ParameterError(f"{where}: delta must lie between 0 and 0.5, got {self.delta}")
         if not (np.isfinite(self.rate) and self.rate > 0):
             raise ParameterError(f"{where}: the rate must be positive, got {self.rate} Hz")
+        if self.kind not in ("class", "stretch"):
+            raise ParameterError(f"{where}: the kind must be 'class' or 'stretch', not {self.kind}")
         if list(self.keyframes) != sorted({*self.keyframes} & {*range(shape[0])}):
             raise ParameterError(
                 f"{where}: keyframes must be different, ascending and from 0 to {shape[0] - 1}, "
@@ -134,7 +137,8 @@ class TemplateSet:
         for template in self.templates:
             if (template.feature_set_digest, template.rate) != (self.feature_set_digest, self.rate):
                 raise ParameterError(
-                    f"template '{template.label}' is of another feature set or rate than the rest"
+                    f"template '{shown(template.label)}' is of another feature set or rate "
+                    "than the rest"
                 )
 
     @property
@@ -153,6 +157,7 @@ class TemplateSet:
         found = tuple(template for template in self.templates if template.label == label)
         if not found:
             raise ParameterError(
-                f"no template of a class '{label}'; there are: {', '.join(self.labels)}"
+                f"no template of a class '{shown(label)}'; there are: "
+                f"{', '.join(map(shown, self.labels))}"
             )
         return found
