@@ -118,7 +118,7 @@ def main() -> None:
         result: Any = mocapidx.main(prog_name="mocapidx", standalone_mode=False)
         sys.stdout.flush()
     except click.exceptions.NoArgsIsHelpError as exc:
-        click.echo(exc.format_message())
+        click.echo(exc.format_message(), err=True)
         leave(2)
     except click.UsageError as exc:
         command = exc.ctx.command_path if exc.ctx else "mocapidx"

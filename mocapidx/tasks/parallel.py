@@ -43,9 +43,10 @@ def mapping(jobs: int) -> Iterator[MapFunction]:
     if jobs == 1:
         yield map
         return
-    executor = ProcessPoolExecutor(
-        jobs, mp_context=multiprocessing.get_context("spawn"), initializer=_follow_parent
-    )
+    with _deaf():
+        executor = ProcessPoolExecutor(
+            jobs, mp_context=multiprocessing.get_context("spawn"), initializer=_follow_parent
+        )
     try:
         yield lambda function, items: _ordered(executor, function, items, jobs)
         executor.shutdown()
@@ -77,10 +78,19 @@ def _ordered(
 def _submit(
     executor: ProcessPoolExecutor, function: Callable[[Any], Any], item: Any
 ) -> Future[Any]:
-    """Submit with the stop signals blocked: workers inherit that, so Ctrl-C is ours alone."""
+    with _deaf():  # the first ones start the workers
+        return executor.submit(function, item)
+
+
+@contextmanager
+def _deaf() -> Iterator[None]:
+    """Block the signals that stop us; processes started here inherit that.
+
+    Ctrl-C and a lost terminal reach every process of the group. We stop the others ourselves.
+    """
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGHUP})
     try:
-        return executor.submit(function, item)
+        yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 

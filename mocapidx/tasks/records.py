@@ -59,7 +59,10 @@ def hit_record(hit: Hit, rank: int) -> Record:
 
 def pair_records(facts: Record) -> list[Record]:
     """Lay out the facts about one thing as a record each, for a table or CSV."""
-    return [{"what": what, "value": value} for what, value in facts.items()]
+    return [
+        {"what": what, "value": f"{value:g}" if isinstance(value, float) else value}
+        for what, value in facts.items()
+    ]
 
 
 def render_records(
