@@ -1,9 +1,10 @@
-"""Inverted lists of the sub-indexes in one file: a directory, then the lists as roaring bitmaps.
+"""Inverted lists of the sub-indexes in one file: a directory, then the lists.
 
 The list L(v) of a word v holds the numbers of the runs that have this word. The file is::
 
     magic line | sizes | directory of each part | lists of the first part, of the second, ...
 
+A list is a serialised roaring bitmap, or plain uint32 numbers where it has fewer than eight.
 The magic line and the directories are its *head*; who opens the file vouches for the head,
 and the head has a digest of each list, so that no list is decoded that isn't the one written.
 All numbers are little-endian; equal runs give equal bytes.
@@ -32,6 +33,8 @@ DIGEST_SIZE: Final = 16
 ENTRY: Final = np.dtype(  # of the directory, in ascending order of the words
     [("word", "<u4"), ("count", "<u4"), ("size", "<u4"), ("digest", "u1", (DIGEST_SIZE,))]
 )
+PLAIN: Final = 8
+"""Fewer numbers than this take less room as they are than as a bitmap."""
 GAP: Final = 4096
 """Lists this many bytes apart are still read at one go."""
 
@@ -72,13 +75,24 @@ def _encode_part(words: NDArray[np.uint32]) -> tuple[NDArray[np.void], list[byte
     order = np.argsort(words, kind="stable").astype(np.uint32)
     distinct, firsts = np.unique(words[order], return_index=True)
     groups = np.split(order, firsts[1:])[: np.count_nonzero(distinct != FREE_WORD)]
-    lists = [BitMap(array.array("I", group.tobytes())).serialize() for group in groups]
+    lists = [_encode_list(group) for group in groups]
     entries = np.zeros(len(lists), ENTRY)
     for entry, word, group, data in zip(entries, distinct, groups, lists, strict=False):
-        digest = np.frombuffer(_digest(data), np.uint8)
         entry["word"], entry["count"], entry["size"] = word, len(group), len(data)
-        entry["digest"] = digest
+        entry["digest"] = np.frombuffer(_digest(data), np.uint8)
     return entries, lists
+
+
+def _encode_list(numbers: NDArray[np.uint32]) -> bytes:
+    if len(numbers) < PLAIN:
+        return numbers.astype("<u4").tobytes()
+    return BitMap(array.array("I", numbers.tobytes())).serialize()
+
+
+def _decode_list(data: bytes, count: int) -> BitMap:
+    if count < PLAIN:
+        return BitMap(np.frombuffer(data, "<u4").tolist())
+    return BitMap.deserialize(data)
 
 
 def _digest(data: bytes) -> bytes:
@@ -252,7 +266,7 @@ class InvertedLists:
         if _digest(data) != self._digests[index].tobytes():
             raise StoreError(fault)
         try:
-            numbers = BitMap.deserialize(data)
+            numbers = _decode_list(data, int(self.counts[index]))
         except (ValueError, IndexError, TypeError, MemoryError) as exc:
             raise StoreError(fault) from exc
         if len(numbers) != self.counts[index] or numbers.max() >= self.runs:
