@@ -1,0 +1,311 @@
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mocapidx.errors import (
+    FormatError,
+    Interrupted,
+    LockedError,
+    ParameterError,
+    StoreError,
+    WriteError,
+)
+from mocapidx.features.extract import extract_features
+from mocapidx.features.words import pack_words
+from mocapidx.store.read import open_store
+from mocapidx.store.write import writing
+from mocapidx.tasks import index as index_task
+from mocapidx.tasks.index import IndexOptions, compact_store, index_files
+from mocapidx.tasks.query import query_store
+from mocapidx.tasks.read import ReadOptions, read_motion
+
+PROGRAM = Path(sys.executable).parent / "mocapidx"
+
+
+@pytest.fixture
+def takes(fixtures_dir, tmp_path):
+    """Nine clips of three classes with their skeletons, free to be changed."""
+    folder = tmp_path / "takes"
+    clips = fixtures_dir / "clips"
+    for label in ("squat", "kickFrontRight", "walk"):
+        (folder / label).mkdir(parents=True)
+        for clip in sorted((clips / label).glob("*.amc"))[:3]:
+            shutil.copy2(clip, folder / label)
+    for skeleton in clips.glob("*.asf"):
+        shutil.copy2(skeleton, folder)
+    return folder
+
+
+def contents(store):
+    """Every file of a store but the lock, whose text is for people."""
+    return {
+        str(path.relative_to(store)): path.read_bytes()
+        for path in sorted(store.rglob("*"))
+        if path.is_file() and path.name != "LOCK"
+    }
+
+
+def names(store):
+    with open_store(store) as snapshot:
+        return [entry.document.name for entry in snapshot.documents()]
+
+
+def test_what_is_kept_is_what_reading_and_extraction_give(takes, tmp_path):
+    store = tmp_path / "s.store"
+    summary = index_files([takes], store)
+    assert (summary.added, summary.changed, summary.unchanged) == (9, 0, 0)
+    with open_store(store) as snapshot:
+        assert sorted(takes.rglob("*.amc")) == sorted(
+            takes / entry.document.name for entry in snapshot.documents()
+        )
+        for entry in snapshot.documents():
+            motion = read_motion(takes / entry.document.name)
+            words = pack_words(extract_features(motion, "f39", 30.0))
+            rows = entry.frame_offset, entry.frame_offset + entry.document.frames
+            np.testing.assert_array_equal(snapshot.array(entry.file, "frames/words", *rows), words)
+            poses = snapshot.array(entry.file, "frames/poses", *rows)
+            np.testing.assert_allclose(poses, motion.positions[::4], atol=1e-6)
+            assert entry.document.source_frames == len(motion.positions)
+
+
+def test_a_second_run_reads_and_writes_nothing(takes, tmp_path):
+    store = tmp_path / "s.store"
+    index_files([takes], store)
+    before = {path: path.stat().st_mtime_ns for path in store.rglob("*") if path.name != "LOCK"}
+    summary = index_files([takes], store)
+    assert (summary.added, summary.changed, summary.unchanged) == (0, 0, 9)
+    assert before == {
+        path: path.stat().st_mtime_ns for path in store.rglob("*") if path.name != "LOCK"
+    }
+
+
+def test_a_touched_file_is_unchanged_and_one_with_other_bytes_is_read_again(takes, tmp_path):
+    store = tmp_path / "s.store"
+    index_files([takes], store)
+    touched, changed = sorted((takes / "squat").glob("*.amc"))[:2]
+    os.utime(touched)
+    shutil.copyfile(touched, changed)
+    summary = index_files([takes], store)
+    assert (summary.added, summary.changed, summary.unchanged) == (0, 1, 8)
+    assert len(names(store)) == len(set(names(store))) == 9
+
+
+def test_another_skeleton_or_other_options_read_the_files_again(takes, tmp_path):
+    store = tmp_path / "s.store"
+    index_files([takes], store)
+    summary = index_files([takes], store, IndexOptions(read=ReadOptions(source_rate=60.0)))
+    assert summary.changed == 9
+    for skeleton in takes.glob("*.asf"):
+        skeleton.write_bytes(skeleton.read_bytes() + b"\n")
+    summary = index_files([takes], store, IndexOptions(read=ReadOptions(source_rate=60.0)))
+    assert summary.changed == 9
+
+
+def test_prune_drops_what_is_gone_but_not_with_its_whole_folder(takes, tmp_path):
+    store = tmp_path / "s.store"
+    index_files([takes], store)
+    gone = sorted((takes / "walk").glob("*.amc"))[0]
+    gone.unlink()
+    assert index_files([takes], store).removed == 0
+    assert index_files([takes], store, IndexOptions(prune=True)).removed == 1
+    assert len(names(store)) == 8
+    (tmp_path / "other").mkdir()
+    takes.rename(tmp_path / "moved")
+    assert index_files([tmp_path / "other"], store, IndexOptions(prune=True)).removed == 0
+
+
+def test_a_bad_file_stops_the_run_or_is_passed_over(takes, tmp_path):
+    store = tmp_path / "s.store"
+    (takes / "walk" / "bad.bvh").write_text("no motion")
+    with pytest.raises(FormatError, match=r"bad\.bvh.*--skip-bad"):
+        index_files([takes], store)
+    summary = index_files([takes], store, IndexOptions(skip_bad=True))
+    assert summary.added == 9
+    assert [refused.name for refused in summary.refused] == ["walk/bad.bvh"]
+
+
+@pytest.mark.parametrize("jobs", [1, 3])
+def test_any_number_of_workers_gives_the_same_bytes(takes, tmp_path, jobs, monkeypatch):
+    monkeypatch.setattr(index_task, "JOBS_PER_WORKER", 1)
+    stores = [tmp_path / "one.store", tmp_path / "other.store"]
+    for store, workers in zip(stores, (1, jobs), strict=True):
+        index_files([takes], store, IndexOptions(jobs=workers, batch_bytes=100_000))
+    assert contents(stores[0]) == contents(stores[1])
+
+
+def test_runs_that_are_interrupted_end_in_the_bytes_of_a_clean_run(takes, tmp_path):
+    options = IndexOptions(batch_bytes=50_000)
+    index_files([takes], tmp_path / "clean.store", options)
+    assert len(list((tmp_path / "clean.store" / "segments").iterdir())) > 4
+    for stop in range(1, 9):
+
+        def progress(step, stop=stop):
+            if step.done == stop:
+                raise Interrupted(signal.SIGTERM)
+
+        with pytest.raises(Interrupted, match="run again to continue"):
+            index_files([takes], tmp_path / "cut.store", options, progress=progress)
+        index_files([takes], tmp_path / "cut.store", options)
+        assert contents(tmp_path / "cut.store") == contents(tmp_path / "clean.store")
+        shutil.rmtree(tmp_path / "cut.store")
+
+
+def test_many_small_segment_files_are_merged(takes, tmp_path, monkeypatch):
+    monkeypatch.setattr(index_task, "MOST_SEGMENT_FILES", 3)
+    store = tmp_path / "s.store"
+    for clip in sorted(takes.rglob("*.amc")):
+        index_files([clip], store, IndexOptions(root=takes))
+    with open_store(store) as snapshot:
+        assert len(snapshot.files) <= 4
+    assert sorted(names(store)) == sorted(
+        str(clip.relative_to(takes)) for clip in takes.rglob("*.amc")
+    )
+
+
+def test_compact_keeps_documents_and_answers(takes, tmp_path):
+    store = tmp_path / "s.store"
+    index_files([takes], store, IndexOptions(batch_bytes=100_000))
+    example = str(sorted((takes / "squat").glob("*.amc"))[0])
+    before = query_store(store, example, select="F20,F21")
+    assert compact_store(store)[1] == 1
+    assert query_store(store, example, select="F20,F21") == before
+    assert compact_store(store) == (1, 1)
+
+
+def test_names_are_paths_below_the_input_or_the_root(takes, tmp_path):
+    clip = sorted((takes / "squat").glob("*.amc"))[0]
+    for inputs, root, expected in (
+        ([clip], None, clip.name),
+        ([takes / "squat"], None, clip.name),
+        ([takes], None, f"squat/{clip.name}"),
+        ([clip], tmp_path, f"takes/squat/{clip.name}"),
+    ):
+        store = tmp_path / "s.store"
+        index_files(inputs, store, IndexOptions(root=root))
+        assert expected in names(store)
+        shutil.rmtree(store)
+
+
+def test_two_files_with_one_name_are_an_error_that_shows_both(takes, tmp_path):
+    clip = sorted((takes / "squat").glob("*.amc"))[0]
+    twin = takes / "walk" / clip.name
+    shutil.copyfile(clip, twin)
+    with pytest.raises(ParameterError, match=clip.name) as caught:
+        index_files([clip, twin], tmp_path / "s.store")
+    assert str(clip) in str(caught.value)
+    assert str(twin) in str(caught.value)
+
+
+def test_wrong_inputs_are_refused_before_a_store_is_made(takes, tmp_path):
+    store = tmp_path / "s.store"
+    with pytest.raises(ParameterError, match="no such file"):
+        index_files([tmp_path / "nowhere"], store)
+    (takes / "notes.txt").write_text("notes")
+    with pytest.raises(FormatError, match=r"notes\.txt"):
+        index_files([takes / "notes.txt"], store)
+    with pytest.raises(ParameterError, match="root"):
+        index_files([takes], store, IndexOptions(root=takes / "walk"))
+    assert not store.exists()
+    assert index_files([takes], store).passed_over == 1
+
+
+def test_links_to_files_are_read_and_links_to_folders_are_not_followed(takes, tmp_path):
+    folder = tmp_path / "links"
+    folder.mkdir()
+    for skeleton in takes.glob("*.asf"):
+        shutil.copy2(skeleton, folder)
+    clip = sorted((takes / "squat").glob("*.amc"))[0]
+    (folder / clip.name).symlink_to(clip)
+    (folder / "loop").symlink_to(folder)
+    index_files([folder], tmp_path / "s.store")
+    assert names(tmp_path / "s.store") == [clip.name]
+
+
+def test_a_pipe_named_as_a_motion_is_refused_at_once(takes, tmp_path):
+    os.mkfifo(takes / "pipe.bvh")
+    summary = index_files([takes], tmp_path / "s.store", IndexOptions(skip_bad=True))
+    assert [refused.name for refused in summary.refused] == ["pipe.bvh"]
+
+
+def test_another_feature_set_or_rate_is_refused_with_advice(takes, tmp_path):
+    store = tmp_path / "s.store"
+    index_files([takes], store)
+    with pytest.raises((ParameterError, StoreError), match="rate"):
+        index_files([takes], store, IndexOptions(rate=60.0))
+
+
+def test_odd_names_never_reach_a_terminal_raw(takes, tmp_path, mocapidx):
+    clip = sorted((takes / "squat").glob("*.amc"))[0]
+    odd = takes / "squat" / f"{clip.stem[:3]}_\x1b[31mred\n_120.amc"
+    shutil.copyfile(clip, odd)
+    (takes / "bad\x1b[2J.bvh").write_text("no motion")
+    store = tmp_path / "s.store"
+    done = mocapidx("index", takes, "--store", store, "--skip-bad")
+    assert done.returncode == 5
+    assert "\x1b" not in done.stderr
+    assert done.stderr.count("\n") == 2
+    for form in ("table", "csv", "jsonl"):
+        done = mocapidx("query", store, "--example", clip, "--select", "F20", "--format", form)
+        assert done.returncode == 0
+        assert "\x1b" not in done.stdout
+        assert "red" in done.stdout
+
+
+def test_a_second_writer_is_told_who_writes(takes, tmp_path, mocapidx):
+    store = tmp_path / "s.store"
+    index_files([takes], store)
+    with writing(store, command="index"):
+        done = mocapidx("index", takes, "--store", store)
+        assert done.returncode == LockedError.exit_code
+        assert "is being written by" in done.stderr
+        assert done.stderr.count("\n") == 1
+        assert mocapidx("info", store).returncode == 0  # readers wait for nobody
+    assert mocapidx("index", takes, "--store", store).returncode == 0
+
+
+def test_a_full_disk_leaves_the_store_as_it_was(takes, tmp_path):
+    store = tmp_path / "s.store"
+    index_files([takes / "walk"], store)
+    before = contents(store)
+
+    def small_files():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, 50_000))
+
+    done = subprocess.run(
+        [PROGRAM, "index", takes, "--store", store],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        preexec_fn=small_files,
+    )
+    assert done.returncode == WriteError.exit_code
+    assert "no space left" in done.stderr
+    assert "3 documents" in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert contents(store) == before
+
+
+def test_a_run_that_is_killed_anywhere_is_finished_by_the_next(takes, tmp_path):
+    index_files([takes], tmp_path / "clean.store")
+    rng = np.random.default_rng(2005)
+    store = tmp_path / "s.store"
+    for delay in rng.uniform(0.2, 0.9, 8):
+        process = subprocess.Popen(
+            [PROGRAM, "index", takes, "--store", store, "--jobs", "1"], stderr=subprocess.DEVNULL
+        )
+        try:
+            process.wait(delay)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+        if (store / "MANIFEST").exists():
+            assert set(names(store)) <= set(names(tmp_path / "clean.store"))
+    index_files([takes], store)
+    assert contents(store) == contents(tmp_path / "clean.store")
