@@ -8,12 +8,14 @@ from typing import Final
 
 import numpy as np
 
+from mocapidx.errors import FeatureSetError, StoreError
 from mocapidx.features.featureset import PARTS, FeatureSet, parse_feature_set
 from mocapidx.index.build import build_runs
 from mocapidx.index.postings import encode_index
 from mocapidx.store.files import DamagedError
-from mocapidx.store.manifest import SegmentFile, StoreSettings
+from mocapidx.store.manifest import SegmentFile
 from mocapidx.store.read import Snapshot, read_manifest
+from mocapidx.store.schema import MANIFEST, SEGMENTS
 from mocapidx.store.verify import Problem, check_blocks, check_digests, check_schemas
 from mocapidx.store.write import writing
 from mocapidx.tasks.batch import merged_batch
@@ -119,9 +121,9 @@ def _repair(
         rebuilt = []
         for file in before.files:
             if file.number in stale:
-                batch = merged_batch(before, [file], _feature_set(path, before.manifest.settings))
+                batch = merged_batch(before, [file], _feature_set(before))
                 after = writer.replace(batch, [file])
-                rebuilt.append(path / "segments" / after.files[-1].names[1])
+                rebuilt.append(path / SEGMENTS / after.files[-1].names[1])
     sources = sorted(
         entry.document.source for file in lost for entry in file.placed() if entry.document.live
     )
@@ -155,9 +157,10 @@ def _problems(snapshot: Snapshot, quick: bool, report: Callable[[int, int], None
         found += check_digests(snapshot.path, [file])
     if not quick:
         found += check_schemas(snapshot.path, _sound(snapshot.files, found))
+        feature_set = _feature_set(snapshot)
         for done, file in enumerate(_sound(snapshot.files, found), start=total):
             report(done, 2 * total)
-            found += _contents(snapshot, file, {problem.name for problem in found})
+            found += _contents(snapshot, file, feature_set, {problem.name for problem in found})
     report(2 * total, 2 * total)
     return found
 
@@ -168,17 +171,21 @@ def _sound(files: Sequence[SegmentFile], found: Sequence[Problem]) -> list[Segme
     return [file for file in files if file.number not in broken]
 
 
-def _contents(snapshot: Snapshot, file: SegmentFile, known: Collection[str]) -> list[Problem]:
+def _contents(
+    snapshot: Snapshot, file: SegmentFile, feature_set: FeatureSet, known: Collection[str]
+) -> list[Problem]:
     """Look into a segment file whose HDF5 file is the one that was written."""
     found = [problem for problem in check_blocks(snapshot, file) if problem.name not in known]
     if _sound([file], found):
-        found += _relations(snapshot, file, check_index=not found and file.names[1] not in known)
+        check_index = not found and file.names[1] not in known
+        found += _relations(snapshot, file, feature_set, check_index)
     return found
 
 
-def _relations(snapshot: Snapshot, file: SegmentFile, check_index: bool) -> Iterator[Problem]:
+def _relations(
+    snapshot: Snapshot, file: SegmentFile, feature_set: FeatureSet, check_index: bool
+) -> Iterator[Problem]:
     """Build runs and lists again from the feature words and compare."""
-    feature_set = _feature_set(snapshot.path, snapshot.manifest.settings)
     h5_name, idx_name = file.names
     try:
         words = snapshot.array(file, "frames/words")
@@ -198,5 +205,16 @@ def _relations(snapshot: Snapshot, file: SegmentFile, check_index: bool) -> Iter
         yield Problem(file.number, exc.name, exc.what)
 
 
-def _feature_set(path: Path, settings: StoreSettings) -> FeatureSet:
-    return parse_feature_set(settings.feature_set_text, str(path))
+def _feature_set(snapshot: Snapshot) -> FeatureSet:
+    """Read the store's own feature set; one that isn't what the manifest says is damage."""
+    settings, place = snapshot.manifest.settings, snapshot.path / MANIFEST
+    try:
+        feature_set = parse_feature_set(settings.feature_set_text, str(place))
+    except FeatureSetError as exc:
+        raise StoreError(f"{exc}; index the sources into a new store") from exc
+    if feature_set.digest != settings.feature_set_digest:
+        raise StoreError(
+            f"{place}: its feature set {settings.feature_set_name!r} does not match its digest; "
+            "made by another version, so index the sources into a new store"
+        )
+    return feature_set

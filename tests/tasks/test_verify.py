@@ -1,0 +1,151 @@
+import numpy as np
+import pytest
+
+from mocapidx.errors import StoreError
+from mocapidx.features.featureset import load_feature_set
+from mocapidx.store.manifest import StoreSettings
+from mocapidx.store.write import Batch, writing
+from mocapidx.tasks import verify as subject
+from mocapidx.tasks.batch import make_batch
+from mocapidx.tasks.verify import verify_store
+from tests.made_store import make_document, names_of, read_everything, store_bytes
+
+F39 = load_feature_set("f39")
+SETTINGS = StoreSettings(30.0, F39.name, F39.digest, F39.text)
+
+
+def batch_of(frames_by_name, seed=0):
+    """Documents of random words that hold for some frames each."""
+    random = np.random.default_rng(seed)
+    documents = [make_document(name, frames) for name, frames in frames_by_name.items()]
+    words = [
+        np.repeat(random.integers(0, 1 << 39, frames, np.uint64), 3)[:frames]
+        for frames in frames_by_name.values()
+    ]
+    poses = [random.normal(size=(len(w), 24, 3)).astype(np.float32) for w in words]
+    return make_batch(documents, words, lambda: iter(poses), F39)
+
+
+@pytest.fixture
+def store(tmp_path):
+    path = tmp_path / "takes.store"
+    with writing(path, command="test", create=SETTINGS) as writer:
+        writer.commit(batch_of({"a": 90, "b": 40}))
+        writer.commit(batch_of({"c": 30}, seed=1))
+    return path
+
+
+def flip(path, place=-1):
+    data = bytearray(path.read_bytes())
+    data[place] ^= 1
+    path.write_bytes(data)
+
+
+@pytest.mark.parametrize("quick", [False, True])
+def test_a_sound_store_is_found_sound_and_left_alone(store, quick):
+    before = store_bytes(store)
+    steps = []
+    report = verify_store(
+        store, quick=quick, progress=lambda done, total: steps.append((done, total))
+    )
+    assert report.problems == ()
+    assert (report.documents, report.files) == (3, 2)
+    assert report.size == sum(len(data) for name, data in before.items() if name != "MANIFEST")
+    assert verify_store(store, quick=quick, repair=True).problems == ()
+    assert store_bytes(store) == before
+    assert steps == sorted(steps)
+    assert steps[-1] == (4, 4)
+
+
+@pytest.mark.parametrize("quick", [False, True])
+def test_a_damaged_index_is_found_and_built_again(store, quick):
+    expected = read_everything(store)[1:]
+    flip(store / "segments" / "000001.idx")
+    (line,) = verify_store(store, quick=quick).problems
+    assert line == f"{store}/segments/000001.idx: it does not match its digest"
+    report = verify_store(store, quick=quick, repair=True)
+    assert [path.name for path in report.rebuilt] == ["000003.idx"]
+    assert (report.set_aside, report.lost) == ((), ())
+    assert verify_store(store).problems == ()
+    assert names_of(store) == ["a", "b", "c"]
+    assert sorted(map(repr, read_everything(store)[1:])) == sorted(map(repr, expected))
+
+
+def test_a_damaged_hdf5_file_is_set_aside_and_its_sources_are_named(store):
+    flip(store / "segments" / "000001.h5")
+    assert len(verify_store(store).problems) == 1
+    report = verify_store(store, repair=True)
+    assert [str(path) for path in report.lost] == ["/takes/a", "/takes/b"]
+    assert [path.name for path in report.set_aside] == ["damaged-000001.h5", "damaged-000001.idx"]
+    assert all(path.exists() for path in report.set_aside)
+    assert names_of(store) == ["c"]
+    assert verify_store(store).problems == ()
+
+
+def test_missing_files_are_found_and_repaired(store):
+    (store / "segments" / "000001.idx").unlink()
+    (store / "segments" / "000002.h5").unlink()
+    assert len(verify_store(store).problems) == 2
+    report = verify_store(store, repair=True)
+    assert len(report.rebuilt) == 1
+    assert [str(path) for path in report.lost] == ["/takes/c"]
+    assert names_of(store) == ["a", "b"]
+    assert verify_store(store).problems == ()
+
+
+def test_lists_that_are_not_those_of_the_words_are_found_though_every_digest_is_right(tmp_path):
+    honest, other = batch_of({"a": 90}), batch_of({"a": 90}, seed=1)
+    store = tmp_path / "takes.store"
+    with writing(store, command="test", create=SETTINGS) as writer:
+        writer.commit(Batch(honest.documents, honest.arrays, other.index, other.index_head_size))
+    (line,) = verify_store(store).problems
+    assert line.endswith("000001.idx: its lists are not those of the runs")
+    assert verify_store(store, quick=True).problems == ()
+    verify_store(store, repair=True)
+    assert verify_store(store).problems == ()
+
+
+def test_runs_that_are_not_those_of_the_words_are_found_though_every_digest_is_right(tmp_path):
+    honest = batch_of({"a": 90})
+    words = np.asarray(honest.arrays["frames/words"]) ^ np.uint64(1)
+    words[0] ^= np.uint64(3)
+    store = tmp_path / "takes.store"
+    with writing(store, command="test", create=SETTINGS) as writer:
+        arrays = {**honest.arrays, "frames/words": words}
+        writer.commit(Batch(honest.documents, arrays, honest.index, honest.index_head_size))
+    lines = verify_store(store).problems
+    assert any("does not follow from frames/words" in line for line in lines)
+    assert [str(path) for path in verify_store(store, repair=True).lost] == ["/takes/a"]
+
+
+def test_a_store_beside_a_merge_is_verified_again(store, monkeypatch):
+    real, calls = subject._problems, []
+
+    def merge_first(snapshot, *args):
+        if not calls:
+            with writing(store, command="compact") as writer:
+                writer.commit(batch_of({"a": 91, "b": 41, "c": 31}))
+                writer.commit(batch_of({"d": 5}))
+        calls.append(1)
+        return real(snapshot, *args)
+
+    monkeypatch.setattr(subject, "_problems", merge_first)
+    assert verify_store(store).problems == ()
+    assert len(calls) == 2
+
+
+def test_a_damaged_manifest_is_an_error(store):
+    flip(store / "MANIFEST")
+    for repair in (False, True):
+        with pytest.raises(StoreError, match="index the sources again"):
+            verify_store(store, repair=repair)
+
+
+def test_a_feature_set_that_is_not_the_one_of_its_digest_is_an_error(tmp_path):
+    for name, text in (("other", F39.text), ("broken", "[["), ("gone", "")):
+        settings = StoreSettings(30.0, F39.name, "ab" * 32, text)
+        with writing(tmp_path / name, command="test", create=settings) as writer:
+            writer.commit(batch_of({"a": 9}))
+        with pytest.raises(StoreError, match="index the sources into a new store"):
+            verify_store(tmp_path / name)
+        assert verify_store(tmp_path / name, quick=True).problems == ()
