@@ -29,7 +29,7 @@ __all__ = [
     "surprise_tables",
 ]
 
-SWITCH_PRICE = 10.0  # for a jump, in units of a frame's cost at 30 frames/s
+SWITCH_PRICE = 7.0  # for a jump, in units of a frame's cost at 30 frames/s
 UNKNOWN_COST = 0.44  # of a frame that no template explains
 SURE = 0.05  # no entry is taken for more certain than this
 PRICE_RATE = 30.0  # Hz

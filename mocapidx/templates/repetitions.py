@@ -14,7 +14,7 @@ import numpy as np
 
 from mocapidx.alignment.loops import align_loops, byte_tables, join_loops
 from mocapidx.errors import ParameterError
-from mocapidx.features.words import pack_words
+from mocapidx.features.words import pack_words, unpack_words
 from mocapidx.model import BoolArray, FloatArray, IndexArray, WordArray
 from mocapidx.templates.learn import Learned, learn_template
 from mocapidx.templates.path import surprise_tables
@@ -33,6 +33,7 @@ SHORTEST_PERIOD = 0.4  # seconds
 LONGEST_PERIOD = 5.0  # seconds
 MOST_CANDIDATES = 12
 TOLERATED_FACTOR, TOLERATED_GAP = 1.15, 0.003  # a shorter period may be this much worse
+MOST_LEFT = 0.75  # share of the differences within a motion that its period may leave unexplained
 SHORTEST_PASS = 4  # frames
 LEAST_PHASES = 0.6  # share of the template that a pass must cover
 ROUNDS = 3
@@ -97,7 +98,8 @@ def find_period(words: WordArray, features: int, rate: float = 30.0) -> int | No
     Returns
     -------
     int or None
-        In frames; None if there is no candidate.
+        In frames; None if there is no candidate, or if looping explains less than a quarter of
+        the differences between any two frames.
     """
     longest = min(round(LONGEST_PERIOD * rate), 2 * len(words) // 3)
     candidates = _candidates(words, longest, round(SHORTEST_PERIOD * rate))
@@ -115,7 +117,9 @@ def find_period(words: WordArray, features: int, rate: float = 30.0) -> int | No
         outside = np.delete(differences, np.s_[seed : seed + period])
         costs.append(outside.mean() / features)
     limit = TOLERATED_FACTOR * min(costs) + TOLERATED_GAP
-    return min(p for p, cost in zip(candidates, costs, strict=True) if cost <= limit)
+    period, cost = min((p, c) for p, c in zip(candidates, costs, strict=True) if c <= limit)
+    ones = unpack_words(words, features).mean(axis=0)
+    return period if cost <= MOST_LEFT * np.mean(2 * ones * (1 - ones)) else None
 
 
 def _candidates(words: WordArray, longest: int, shortest: int) -> list[int]:
