@@ -42,8 +42,8 @@ def length_costs(bounds: IndexArray, lengths: IndexArray) -> FloatArray:
     [0.56, 0.51]
     """
     frames = np.diff(bounds, axis=1)
-    squares: FloatArray = (np.log1p(frames) - np.log1p(lengths)) ** 2
-    return np.sqrt(squares.mean(axis=1))
+    costs: FloatArray = np.sqrt(((np.log1p(frames) - np.log1p(lengths)) ** 2).mean(axis=1))
+    return costs
 
 
 def ranking_order(

@@ -14,8 +14,10 @@ from mocapidx.queries.stretches import runs_at
 
 __all__ = ["follow", "precede"]
 
-MOST_TURNS = 12
-"""After so many single steps, passing over all runs once is as quick."""
+TURN_COST = 4000
+"""A turn of the walk takes about as long as passing over so many runs, ..."""
+MOVE_COST = 10
+"""... and moving one of the candidates a run on as long as passing over so many."""
 
 
 def follow(
@@ -93,7 +95,9 @@ def _leave(part: PartSource, admitted: BoolArray, runs: IndexArray, turn: int) -
     ranks = part.ranks
     at = runs + turn
     moving = np.arange(len(at))
-    for _ in range(MOST_TURNS):
+    budget = len(ranks)  # beyond it, passing over all runs would have been quicker
+    while budget > 0:
+        budget -= TURN_COST + MOVE_COST * len(moving)
         moving = moving[admitted.take(ranks.take(at[moving]))]  # -1 is the last, a free one
         if not len(moving):
             return at

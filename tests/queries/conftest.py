@@ -7,7 +7,8 @@ from mocapidx.queries import adaptive, source, walk
 NEVER, ALWAYS = 0, 10**9
 WAYS = {
     "by lists": {"LIST_COST": NEVER, "KEPT_LIST_COST": NEVER, "LISTED_RUN_COST": NEVER},
-    "by walking": {"LIST_COST": ALWAYS, "COMMON": NEVER, "MOST_TURNS": 1},
+    "by walking": {"LIST_COST": ALWAYS, "COMMON": NEVER, "TURN_COST": 0, "MOVE_COST": 0},
+    "by walking a little": {"LIST_COST": ALWAYS, "COMMON": NEVER},
     "by passing over": {"LIST_COST": ALWAYS, "COMMON": ALWAYS},
 }
 
