@@ -18,7 +18,7 @@ GRID = float(1 << 24)  # 64 features that differ by one each stay below 2**31
 LONGEST_SEQUENCE = 4096  # frames; two such sequences have 17 million cells
 CELLS_AT_ONCE = 1 << 23
 
-DIAGONAL, REFERENCE, OTHER = 0, 1, 2  # the steps, in the order in which they win ties
+DIAGONAL, REFERENCE, OTHER = np.arange(3, dtype=np.int8)  # the steps, as they win ties
 FAR = np.int64(1) << 60
 
 Alignment = tuple[float, IndexArray, IndexArray]
@@ -93,34 +93,37 @@ def _align_batch(
     reference: NDArray[np.int32], others: Sequence[NDArray[np.int32]]
 ) -> Iterator[Alignment]:
     """Fill all cost matrices together, one diagonal k + l = s after the other."""
-    rows, features = reference.shape
-    lengths = np.array([len(x) for x in others])
+    everything = np.vstack((reference, *others))
+    varying = (everything != everything[0]).any(axis=0)  # the rest adds nothing to any distance
+    rows, lengths = len(reference), np.array([len(x) for x in others])
     columns = int(lengths.max())
-    reversed_others = np.zeros((features, len(others), columns), dtype=np.int32)
+    reversed_others = np.zeros((varying.sum(), len(others), columns), dtype=np.int32)
     for other, sequence in enumerate(others):  # frame l stands at columns - 1 - l
-        reversed_others[:, other, columns - len(sequence) :] = sequence[::-1].T
-    by_feature = np.ascontiguousarray(reference.T)[:, None, :]
+        reversed_others[:, other, columns - len(sequence) :] = sequence[::-1, varying].T
+    by_feature = np.ascontiguousarray(reference[:, varying].T)[:, None, :]
 
+    room = np.empty((len(by_feature), len(others), rows), dtype=np.int32)
     steps = np.zeros((rows + columns - 1, len(others), rows), dtype=np.int8)
     totals = np.empty(len(others), dtype=np.int64)
     # One column of FAR before row 0 saves every test for the border.
-    before = np.full((len(others), rows + 1), FAR)
-    last = before.copy()
-    last[:, 0] = FAR
+    before, last, current = np.full((3, len(others), rows + 1), FAR)
     before[:, 0] = 0  # the cell before (0, 0), reached by the diagonal step
     for s in range(rows + columns - 1):
         low, high = max(0, s - columns + 1), min(rows, s + 1)
         there = slice(columns - 1 - s + low, columns - 1 - s + high)
-        gaps = by_feature[:, :, low:high] - reversed_others[:, :, there]
-        cost = np.abs(gaps, out=gaps).sum(axis=0, dtype=np.int64)
-        candidates = np.stack((before[:, low:high], last[:, low:high], last[:, low + 1 : high + 1]))
-        step = candidates.argmin(axis=0)  # the first of equals, as the tie rule wants
-        steps[s, :, low:high] = step
-        current = np.full_like(last, FAR)
-        current[:, low + 1 : high + 1] = candidates.min(axis=0) + cost
-        ends = np.flatnonzero(rows - 1 + lengths - 1 == s)
+        gaps = room[:, :, : high - low]
+        np.subtract(by_feature[:, :, low:high], reversed_others[:, :, there], out=gaps)
+        cost = np.abs(gaps, out=gaps).sum(axis=0, dtype=np.int32)
+        diagonal, reference_step = before[:, low:high], last[:, low:high]
+        other_step = last[:, low + 1 : high + 1]
+        best = np.minimum(diagonal, reference_step)
+        step = (reference_step < diagonal).view(np.int8)
+        steps[s, :, low:high] = np.maximum(step, (other_step < best).view(np.int8) * OTHER)
+        current.fill(FAR)
+        current[:, low + 1 : high + 1] = np.minimum(best, other_step) + cost
+        ends = rows + lengths - 2 == s
         totals[ends] = current[ends, rows]
-        before, last = last, current
+        before, last, current = last, current, before
         before[:, 0] = FAR
     yield from _paths(steps, totals, rows, lengths)
 
