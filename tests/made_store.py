@@ -24,9 +24,7 @@ def make_document(name, frames, **changes):
         "name": name,
         "root": "/takes",
         "path": None,
-        "digest": hashlib.blake2b(
-            name.encode(errors="surrogateescape"), digest_size=16
-        ).hexdigest(),
+        "digest": hashlib.blake2b(name.encode(errors="surrogatepass"), digest_size=16).hexdigest(),
         "size": 1000 + frames,
         "mtime_ns": 1_700_000_000_000_000_000,
         "frames": frames,

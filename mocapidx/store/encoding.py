@@ -30,7 +30,7 @@ from mocapidx.store.manifest import (
 __all__ = ["decode_manifest", "encode_manifest", "meta_json"]
 
 DIGEST: Final = re.compile(r"[0-9a-f]{64}", re.ASCII)
-HEX: Final = re.compile(r"(?:[0-9a-f]{2})*", re.ASCII)
+HEX: Final = re.compile(r"[0-9a-f]*", re.ASCII)
 BIGGEST: Final = 2**63 - 1
 POSITIONS: Final = 2**32 - 1
 COLUMN_TYPES: Final[dict[str, frozenset[type]]] = {
@@ -240,7 +240,7 @@ def _manifest(tree: Any, path: Path) -> Manifest:
     numbers = [file.number for file in files]
     if numbers != sorted(set(numbers)) or (numbers and numbers[-1] >= manifest.next_number):
         raise Wrong("its segment files are not in order")
-    names = [entry.document.name for entry in manifest.documents()]
+    names = [entry.name for file in files for entry in file.documents if entry.live]
     if len(set(names)) != len(names):
         raise Wrong("a document name stands twice")
     return manifest
@@ -314,7 +314,7 @@ def _documents(tree: dict[str, Any], roots: list[str], rigs: list[Rig]) -> tuple
         _rate(rate)
     for text in (*columns["name"], *(path for path in columns["path"] if path is not None)):
         _path(text)
-    if not all(map(HEX.fullmatch, columns["digest"])):
+    if not HEX.fullmatch("".join(columns["digest"])):
         raise Wrong("the digest of a document is not hexadecimal")
     columns["root"] = [roots[number] for number in columns["root"]]
     columns["rig"] = [rigs[number] for number in columns["rig"]]

@@ -8,17 +8,16 @@ one. Whatever a killed writer leaves behind, the next one removes.
 
 import contextlib
 import os
-from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterator
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mocapidx.durable import replace_file, sync_folder, write_error
 from mocapidx.errors import MocapidxError, ParameterError, StoreError, WriteError
 from mocapidx.store import schema
+from mocapidx.store.batch import Batch, batch_shapes, batch_size, check_batch
 from mocapidx.store.encoding import decode_manifest, encode_manifest, meta_json
 from mocapidx.store.image import lay_out
 from mocapidx.store.lock import locked
@@ -35,29 +34,6 @@ from mocapidx.store.place import check_writable, make_folder, sweep, unmake_fold
 from mocapidx.store.read import Snapshot, read_manifest
 
 __all__ = ["Batch", "StoreSettings", "Writer", "check_writable", "writing"]
-
-
-@dataclass(frozen=True, slots=True)
-class Batch:
-    """Documents that go into one segment file.
-
-    Parameters
-    ----------
-    documents : collection of Document
-        In the order in which their frames lie.
-    arrays : mapping of str to ndarray or iterable of ndarray
-        The datasets but for `meta`. An iterable's arrays are written end to end, and nothing
-        holds more than one of them; ``runs/...`` must be arrays.
-    index : bytes
-        The inverted lists, as `mocapidx.index` makes them.
-    index_head_size : int
-        Bytes at the beginning of `index` that carry no digest of their own.
-    """
-
-    documents: Collection[Document]
-    arrays: Mapping[str, NDArray[Any] | Iterable[NDArray[Any]]]
-    index: bytes
-    index_head_size: int
 
 
 class Writer:
@@ -192,7 +168,7 @@ class Writer:
         manifest = replace(self.manifest, files=kept, generation=self.manifest.generation + 1)
         with self._explained(batch):
             if batch is not None:
-                _check(batch, self.settings)
+                check_batch(batch, self.settings)
                 sweep(self.path, self.manifest)
                 file = self._write_segment(batch, number)
                 manifest = replace(manifest, files=(*kept, file), next_number=number + 1)
@@ -222,7 +198,7 @@ class Writer:
         }
         meta = np.frombuffer(meta_json(batch.documents, self.settings), dtype=schema.META.dtype)
         image = lay_out(
-            {schema.META.path: meta.shape, **_shapes(batch)},
+            {schema.META.path: meta.shape, **batch_shapes(batch)},
             {schema.META.path: (meta,), **contents},
         )
         idx = FileRecord(len(batch.index), file_digest(batch.index).hexdigest())
@@ -247,7 +223,8 @@ class Writer:
             yield
         except BaseException as exc:
             with contextlib.suppress(OSError, MocapidxError):
-                if self.manifest.generation == 0 or read_manifest(self.path) == self.manifest:
+                # A stop can come just after the rename, and then the new files are the store's.
+                if _present(self.path, self.settings) == self.manifest:
                     sweep(self.path, self.manifest)
             if not isinstance(exc, OSError):
                 raise
@@ -256,7 +233,7 @@ class Writer:
                 exc,
                 self.path,
                 subject=str(self.path),
-                needed=_size(batch),
+                needed=batch_size(batch) if batch else None,
                 unchanged=f"store unchanged ({count} documents)",
             ) from exc
 
@@ -312,29 +289,33 @@ def writing(
     if create is None:
         read_manifest(path)
     made = create is not None and make_folder(path)
-    try:
-        with (
-            locked(path, command=command, timeout=lock_timeout, use_lock=use_lock),
-            contextlib.ExitStack() as handles,
-        ):
-            manifest = _agreed(path, create)
+    with (
+        locked(path, command=command, timeout=lock_timeout, use_lock=use_lock),
+        contextlib.ExitStack() as handles,
+    ):
+        manifest = _agreed(path, create)
+        try:
             sweep(path, manifest)
-            writer = Writer(path, manifest, handles)
-            try:
-                yield writer
-            finally:
-                if made and not (path / schema.MANIFEST).exists():
-                    unmake_folder(path)
-    except OSError as exc:
-        raise write_error(
-            exc, path, subject=str(path), needed=None, unchanged="store unchanged"
-        ) from exc
+        except OSError as exc:
+            raise write_error(
+                exc, path, subject=str(path), needed=None, unchanged="store unchanged"
+            ) from exc
+        try:
+            yield Writer(path, manifest, handles)
+        finally:
+            if made and not (path / schema.MANIFEST).exists():
+                unmake_folder(path)
+
+
+def _present(path: Path, settings: StoreSettings) -> Manifest:
+    """Read the manifest, or give an empty one where a store has not had its first commit."""
+    if not os.path.lexists(path / schema.MANIFEST):
+        return Manifest(settings)
+    return read_manifest(path)
 
 
 def _agreed(path: Path, create: StoreSettings | None) -> Manifest:
-    if create is not None and not os.path.lexists(path / schema.MANIFEST):
-        return Manifest(create)
-    manifest = read_manifest(path)
+    manifest = read_manifest(path) if create is None else _present(path, create)
     settings = manifest.settings
     if create is None:
         return manifest
@@ -362,44 +343,9 @@ def _without(file: SegmentFile, names: Collection[str]) -> SegmentFile:
     return replace(file, documents=documents)
 
 
-def _check(batch: Batch, settings: StoreSettings) -> None:
-    names = [document.name for document in batch.documents]
-    if not names or len(set(names)) != len(names):
-        raise ParameterError("a batch needs documents of different names")
-    expected = {
-        entry.path
-        for entry in schema.COLUMNS.values()
-        if entry is not schema.META and (settings.poses or not entry.optional)
-    }
-    if set(batch.arrays) != expected:
-        raise ParameterError(
-            f"a batch has {sorted(batch.arrays)}, this store takes {sorted(expected)}"
-        )
-    if not 0 < batch.index_head_size <= len(batch.index):
-        raise ParameterError("the head of an index must lie in the index")
-
-
 def _readable(data: bytes, path: Path) -> Manifest:
     """Take a manifest as a reader would, before it is in place."""
     try:
         return decode_manifest(data, path / schema.MANIFEST)
     except StoreError as exc:
         raise ParameterError(f"the batch can't be kept: {exc.__cause__ or exc}") from exc
-
-
-def _shapes(batch: Batch) -> dict[str, tuple[int, ...]]:
-    frames = sum(document.frames for document in batch.documents)
-    shapes = {}
-    for path, values in batch.arrays.items():
-        rows = len(values) if isinstance(values, np.ndarray) and path[:5] == "runs/" else frames
-        shapes[path] = (rows, *schema.column(path).trailing)
-    return shapes
-
-
-def _size(batch: Batch | None) -> int | None:
-    if batch is None:
-        return None
-    rows = {path: shape[0] for path, shape in _shapes(batch).items()}
-    return len(batch.index) + sum(
-        count * schema.column(path).row_bytes for path, count in rows.items()
-    )

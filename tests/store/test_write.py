@@ -340,3 +340,37 @@ def test_damaged_files_are_set_aside_and_kept(store):
         writer.commit(make_batch({"new": 3}))
     assert names_of(store) == [*ALL[3:], "new"]
     assert "damaged-000001.h5" in files_in(store)
+
+
+@pytest.mark.parametrize("when", ["before", "after"])
+@pytest.mark.parametrize("name", ["takes.store", "new.store"])
+def test_a_stop_beside_the_last_rename_leaves_a_whole_store(store, monkeypatch, when, name):
+    path, real = store.parent / name, os.rename
+
+    def stop(source, target):
+        if os.path.basename(target) != "MANIFEST":
+            real(source, target)
+        elif when == "before":
+            raise KeyboardInterrupt
+        else:
+            real(source, target)
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "rename", stop)
+    with (
+        pytest.raises(KeyboardInterrupt),
+        writing(path, command="test", create=SETTINGS) as writer,
+    ):
+        writer.commit(make_batch({"x": 5}))
+    monkeypatch.undo()
+    old = ALL if path == store else []
+    if old or when == "after":
+        read_everything(path)
+        assert names_of(path) == sorted([*old, "x"] if when == "after" else old)
+    else:
+        assert not path.exists()
+
+
+def test_what_goes_wrong_in_the_body_is_no_trouble_of_the_store(store):
+    with pytest.raises(FileNotFoundError), writing(store, command="test"):
+        raise FileNotFoundError("walk.amc")
