@@ -8,11 +8,12 @@ is one cube a step, whatever the number of words that agree on them.
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 
 from mocapidx.errors import ParameterError
-from mocapidx.model import IndexArray, WordArray
+from mocapidx.model import BoolArray, IndexArray, WordArray
 from mocapidx.segments.runs import find_runs
 
 __all__ = [
@@ -24,7 +25,7 @@ __all__ = [
     "steps_from_example",
 ]
 
-WORD = (1 << 64) - 1
+ALL_BITS: Final = (1 << 64) - 1
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ class FuzzySet:
         if not self.cubes:
             raise ParameterError("a fuzzy set without cubes has no words")
         for mask, value in self.cubes:
-            if not 0 <= mask <= WORD or value & ~mask:
+            if not 0 <= mask <= ALL_BITS or value & ~mask:
                 raise ParameterError(f"cube value {value:#x} has bits outside of mask {mask:#x}")
         if len(self.cubes) > 1:
             object.__setattr__(self, "cubes", tuple(sorted(set(self.cubes))))
@@ -69,7 +70,7 @@ class FuzzySet:
         """The values of the cubes, shape (C,)."""
         return np.array([value for _, value in self.cubes], np.uint64)
 
-    def contains(self, words: WordArray) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+    def contains(self, words: WordArray) -> BoolArray:
         """Tell which words are in the set.
 
         Parameters
@@ -83,10 +84,7 @@ class FuzzySet:
             True where a cube has the word.
         """
         if len(self.cubes) == 1:
-            result: np.ndarray[tuple[int, ...], np.dtype[np.bool_]] = (
-                words & self.masks[0] == self.values[0]
-            )
-            return result
+            return np.asarray(words & self.masks[0] == self.values[0])
         inside = np.zeros(len(words), np.bool_)
         for mask in np.unique(self.masks):
             inside |= np.isin(words & mask, self.values[self.masks == mask])

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mocapidx.model import BoolArray, IndexArray, WordArray
 from mocapidx.queries.source import PartSource, Source, expand_ranges
@@ -235,11 +236,11 @@ def full_words(parts: Sequence[PartSource], positions: IndexArray) -> WordArray:
     """
     words = np.zeros(len(positions), np.uint64)
     for part in parts:
-        words |= spread(part.words[runs_at(part, positions)], part.mask)
+        words |= _spread(part.words[runs_at(part, positions)], part.mask)
     return words
 
 
-def spread(part_words: np.ndarray[tuple[int, ...], np.dtype[np.uint32]], mask: int) -> WordArray:
+def _spread(part_words: NDArray[np.uint32], mask: int) -> WordArray:
     """Put the bits of part words back to their places in feature words."""
     squeezed = part_words.astype(np.uint64)
     words = np.zeros(len(squeezed), np.uint64)
