@@ -44,7 +44,7 @@ class FeatureSet:
     source : str
         Where its features and thresholds come from.
     features : tuple of Feature
-        At most 64, and at most 32 of one part.
+        At most 64, and at most 31 of one part.
     text : str
         The TOML text that it was read from.
     digest : str

@@ -229,9 +229,9 @@ def test_more_features_than_a_word_or_a_part_holds_are_refused():
         )
 
     fails(HEADER + many(65, lambda i: "mix"), "has 65 features; a set has at most 64")
-    fails(HEADER + many(33, lambda i: "mix"), "feature S32", "'mix' has more than 32 features")
-    full = parse_feature_set(HEADER + many(64, lambda i: ("mix", "lower")[i % 2]))
-    assert full.part_mask("mix").bit_count() == 32
+    fails(HEADER + many(32, lambda i: "mix"), "feature S31", "'mix' has more than 31 features")
+    full = parse_feature_set(HEADER + many(62, lambda i: ("mix", "lower")[i % 2]))
+    assert full.part_mask("mix").bit_count() == 31
 
 
 COMBINED = """
