@@ -15,15 +15,16 @@ import numpy as np
 
 from mocapidx.errors import FormatError
 from mocapidx.formats.asf import Acclaim, read_asf
-from mocapidx.formats.numbers import Tokens, find_tokens, parse_number, parse_numbers
+from mocapidx.formats.numbers import Tokens, find_tokens, parse_number, parse_numbers, words_of
 from mocapidx.formats.text import Limits, decoded, place, read_text
-from mocapidx.model import FloatArray, Recording
+from mocapidx.model import FloatArray, IndexArray, Recording
 from mocapidx.printable import shown
 
 __all__ = ["find_skeleton", "read_amc"]
 
 BLOCK: Final = 1 << 18  # bytes converted at a time: what fits a processor's cache
 LONGEST_NUMBER: Final = 64
+KEPT_LETTERS: Final = np.array([(1 << 8 * n) - 1 for n in range(9)], dtype=np.uint64)
 FRAME_NUMBER: Final = re.compile(rb"[0-9]{1,15}")
 SLOWEST, FASTEST = 0.1, 10_000.0  # Hz
 
@@ -105,9 +106,9 @@ def read_amc(path: Path, skeleton_path: Path | None, limits: Limits) -> Recordin
     table = _table(path, data, header, acclaim)
     values = table.read(data, header, limits)
     nodes, kinds, order = _channels(acclaim, table)
-    values = values[:, order]
+    values = np.take(values, order, axis=1)
     if header.degrees:
-        np.deg2rad(values, out=values, where=kinds >= 3)
+        values *= np.where(kinds >= 3, np.pi / 180, 1.0)
     return Recording(acclaim.skeleton, nodes, kinds, values, header.rate, acclaim.unit)
 
 
@@ -176,18 +177,20 @@ class _Table:
     def read(self, data: bytes, header: _Header, limits: Limits) -> FloatArray:
         """Return all frames, shape (T, values a frame), in the order of the layout."""
         blocks: list[FloatArray] = []
-        at, line, frames = header.end, header.lines, 0
+        at, frames = header.end, 0
+        counted, line = at, header.lines
         first = int(data[at : at + LONGEST_NUMBER].split(None, 1)[0])
         while at < len(data):
             end = self._end_of_frames(data, at)
             block = data[at:end]
             rows = self._read_regular(block, first + frames)
             if rows is None:
+                line += data.count(b"\n", counted, at)
+                counted = at
                 rows = self._read_lines(block, first + frames, line)
             blocks.append(rows)
             frames += len(rows)
-            limits.check_frames(frames, place(self.path))
-            line += block.count(b"\n")
+            limits.check_frames(frames, self.path)
             at = end
         return np.concatenate(blocks)
 
@@ -222,14 +225,19 @@ class _Table:
             return None
         return numbers[:, 1:]
 
-    def _has_names(self, tokens: Tokens, starts: FloatArray, ends: FloatArray) -> bool:
+    def _has_names(self, tokens: Tokens, starts: IndexArray, ends: IndexArray) -> bool:
         lengths = np.array([len(name) for name in self.names])
         if (ends - starts != lengths).any():
             return False
-        text = tokens.text
-        for column, name in enumerate(self.names):
-            windows = np.lib.stride_tricks.sliding_window_view(text, len(name))
-            if (windows[starts[:, column]] != np.frombuffer(name, dtype=np.uint8)).any():
+        words = words_of(tokens.text)
+        longest = lengths.max()
+        padded = b"".join(name.ljust(longest + 8, b"\0") for name in self.names)
+        pieces = np.frombuffer(padded, dtype=np.uint8).reshape(len(self.names), -1)
+        for at in range(0, longest, 8):  # eight letters of all names at once
+            piece = np.ascontiguousarray(pieces[:, at : at + 8]).view("<u8")[:, 0]
+            letters = KEPT_LETTERS[np.clip(lengths - at, 0, 8)]
+            found = words[np.minimum(starts + at, len(words) - 1)]
+            if ((found & letters) != piece).any():
                 return False
         return True
 
@@ -306,8 +314,8 @@ def _table(path: Path, data: bytes, header: _Header, acclaim: Acclaim) -> _Table
     return _Table(path, acclaim.path, tuple(order), tuple(order.values()), counts)
 
 
-def _channels(acclaim: Acclaim, table: _Table) -> tuple[np.ndarray, np.ndarray, list[int]]:
-    """Return node, kind and column of each channel; rotations from the last applied to the first."""
+def _channels(acclaim: Acclaim, table: _Table) -> tuple[IndexArray, IndexArray, list[int]]:
+    """Return node, kind and column of each channel; the rotation applied last comes first."""
     begins = dict(zip(table.nodes, np.cumsum((0, *table.counts)).tolist(), strict=False))
     nodes, kinds, order = [], [], []
     for node in sorted(table.nodes):

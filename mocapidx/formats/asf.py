@@ -6,8 +6,10 @@ frame of its own, `axis`, and turns the bone itself.
 
 import io
 import math
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
@@ -77,6 +79,16 @@ def read_asf(path: Path, limits: Limits) -> Acclaim:
     FormatError
         If the file is no ASF file, or its bones are no tree with one root.
     """
+    try:
+        status = os.stat(path)
+    except (OSError, ValueError):
+        return _Asf(path, limits).read(read_text(path, limits))  # which says why
+    return _read_asf(path, limits, (status.st_ino, status.st_size, status.st_mtime_ns))
+
+
+@lru_cache(maxsize=8)
+def _read_asf(path: Path, limits: Limits, state: tuple[int, int, int]) -> Acclaim:
+    """Read a file once for all the takes of one actor; `state` changes when the file does."""
     return _Asf(path, limits).read(read_text(path, limits))
 
 
@@ -104,10 +116,7 @@ class _Asf:
         for number, words in _lines(data):
             if words[0].startswith(b":"):
                 section = words[0].lower()
-                if section in SECTIONS and section in seen:
-                    raise self._error(
-                        number, f"a second {decoded(section)}, first in line {seen[section]}"
-                    )
+                self._check_section(number, section, seen, bone)
                 seen[section] = number
             elif section == b":units":
                 self._read_unit(number, words)
@@ -119,20 +128,30 @@ class _Asf:
                 self._read_children(number, words)
             elif not seen:
                 break
-        self._check_sections(seen)
-        if bone is not None:
-            raise self._error(bone.line, f"bone '{shown(bone.name)}' has no end")
+        self._check_sections(seen, bone)
         return self._acclaim(self._order(seen[b":hierarchy"]))
 
     def _error(self, line: int | None, message: str) -> FormatError:
         return FormatError(f"{place(self.path, line)}: {message}")
 
-    def _check_sections(self, seen: dict[bytes, int]) -> None:
+    def _check_section(
+        self, line: int, section: bytes, seen: dict[bytes, int], bone: _Bone | None
+    ) -> None:
+        if bone is not None:
+            raise self._error(bone.line, f"bone '{shown(bone.name)}' has no end")
+        if section in SECTIONS and section in seen:
+            raise self._error(line, f"a second {decoded(section)}, first in line {seen[section]}")
+        if section == b":hierarchy" and b":bonedata" not in seen:
+            raise self._error(None, "the section :bonedata is missing before :hierarchy")
+
+    def _check_sections(self, seen: dict[bytes, int], bone: _Bone | None) -> None:
         if not seen:
             raise self._error(None, "not an ASF file: it has no sections such as :bonedata")
         for section in SECTIONS[1:]:
             if section not in seen:
                 raise self._error(None, f"the section {decoded(section)} is missing")
+        if bone is not None:
+            raise self._error(bone.line, f"bone '{shown(bone.name)}' has no end")
 
     def _read_unit(self, line: int, words: list[bytes]) -> None:
         if words[0] == b"length":
@@ -163,7 +182,8 @@ class _Asf:
         if bone is None:
             raise self._error(line, f"expected begin, found {_quoted(words)}")
         if key == b"end":
-            return self._finish(bone)
+            self._finish(bone)
+            return None
         if key == b"name":
             if bone.name or len(words) != 2:
                 raise self._error(line, f"expected one name a bone, found {_quoted(words)}")
@@ -185,7 +205,7 @@ class _Asf:
             if key not in bone.values:
                 raise self._error(bone.line, f"bone '{name}' has no {decoded(key)}")
         self.bones[bone.name] = bone
-        self.limits.check_joints(len(self.bones) + 1, place(self.path, bone.line))
+        self.limits.check_joints(len(self.bones) + 1, self.path, bone.line)
 
     def _read_children(self, line: int, words: list[bytes]) -> None:
         if words[0] in (b"begin", b"end") and len(words) == 1:
@@ -215,7 +235,7 @@ class _Asf:
             children.setdefault(parent, []).append(child)
         order, level, depth = ["root"], ["root"], 0
         while level:
-            self.limits.check_levels(depth, place(self.path, line))
+            self.limits.check_levels(depth, self.path, line)
             level = [child for name in level for child in children.get(name, ())]
             order += level
             depth += 1
@@ -291,7 +311,7 @@ class _Asf:
         frame = np.eye(3)
         # the three angles stand in the order of the letters: 'axis 10 20 30 ZYX' turns
         # about z by 10 first
-        for kind, angle in zip(turns, angles, strict=True):
+        for kind, angle in zip(turns, angles.tolist(), strict=True):
             frame = _turn(kind - 3, angle) @ frame
         return frame
 

@@ -86,7 +86,7 @@ class _Bvh:
                 f"says {frames} frames, has {len(values)}; is the file cut off?", line=None
             )
         kinds = np.array([k for _, k in columns], dtype=np.int64)
-        np.deg2rad(values, out=values, where=kinds >= 3)
+        values *= np.where(kinds >= 3, np.pi / 180, 1.0)
         skeleton = Skeleton(
             names=tuple(n.name for n in self.nodes),
             parents=np.array([n.parent for n in self.nodes], dtype=np.int64),
@@ -139,7 +139,7 @@ class _Bvh:
                 )
             if word == b"{":
                 open_nodes.append(heading)
-                self.limits.check_levels(len(open_nodes), place(self.path, self.line))
+                self.limits.check_levels(len(open_nodes), self.path, self.line)
                 heading = -1
             elif word == b"}":
                 if not open_nodes:
@@ -177,7 +177,7 @@ class _Bvh:
             raise self._error(f"joint '{shown(name)}' stands twice, first in line {names[name]}")
         names[name] = self.line
         self.nodes.append(_Node(name, parent, self.line))
-        self.limits.check_joints(len(self.nodes), place(self.path, self.line))
+        self.limits.check_joints(len(self.nodes), self.path, self.line)
         return len(self.nodes) - 1
 
     def _describe(self, node: _Node, word: bytes, values: list[bytes]) -> None:
@@ -251,7 +251,7 @@ class _Bvh:
             self.line += block.count(b"\n") + 1
             blocks.append(rows)
             frames += len(rows)
-            self.limits.check_frames(frames, place(self.path))
+            self.limits.check_frames(frames, self.path)
         return np.concatenate(blocks) if blocks else np.empty((0, width))
 
     def _rows_of(self, block: bytes, width: int) -> FloatArray:

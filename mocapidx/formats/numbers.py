@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from mocapidx.model import BoolArray, FloatArray, IndexArray, WordArray
 
-__all__ = ["Tokens", "find_tokens", "parse_number", "parse_numbers"]
+__all__ = ["Tokens", "find_tokens", "parse_number", "parse_numbers", "words_of"]
 
 ByteArray: TypeAlias = NDArray[np.uint8]
 
-PADDING: Final = 8  # a word that ends at the first digit must not begin before the text
+BLANKS: Final = b" " * 8  # eight bytes up to the first digit must not begin before the text
 ALLOWED: Final = b"0123456789+-.eE"
 EXACT_POWER: Final = 22  # 10**22 is the largest power of ten that a double holds exactly
 FLOAT_POWERS: Final = np.array([float(10**n) for n in range(EXACT_POWER + 1)])
@@ -63,9 +63,9 @@ def find_tokens(text: bytes) -> Tokens:
     Returns
     -------
     Tokens
-        The words in their order; offsets count from `PADDING` blanks before the text.
+        The words in their order; offsets count from eight blanks before the text.
     """
-    padded = np.frombuffer(b" " * PADDING + text + b" ", dtype=np.uint8)
+    padded = np.frombuffer(BLANKS + text + BLANKS, dtype=np.uint8)
     blank = padded <= 32
     edges = np.flatnonzero(blank[1:] != blank[:-1]) + 1
     return Tokens(padded, edges[::2], edges[1::2])
@@ -92,18 +92,34 @@ def parse_numbers(
     """
     if not len(starts):
         return np.empty(0), np.empty(0, dtype=np.int64)
-    words = np.ndarray((len(text) - 7,), dtype="<u8", buffer=text, strides=(1,))
-    mantissas, decimals, signs, good = _decimals(text, words, starts, ends)
+    points = np.flatnonzero(text == ord("."))
+    mantissas, decimals, signs, good = _decimals(text, points, starts, ends)
     values = mantissas.view(np.int64) / FLOAT_POWERS[decimals]
     values *= signs
     if good.all():
         return values, np.empty(0, dtype=np.int64)
     odd = np.flatnonzero(~good)
-    values[odd], good = _scaled(text, words, starts[odd], ends[odd])
+    values[odd], good = _scaled(text, points, starts[odd], ends[odd])
     odd = odd[~good]
     for i in odd:
         values[i] = parse_number(text[starts[i] : ends[i]].tobytes())
     return values, odd[np.isnan(values[odd])]
+
+
+def words_of(text: ByteArray) -> WordArray:
+    """Return the eight bytes from every place of a text on as one little-endian word.
+
+    Parameters
+    ----------
+    text : ndarray of uint8, shape (N,)
+        As `find_tokens` returns it.
+
+    Returns
+    -------
+    ndarray of uint64, shape (N - 7,)
+        A view of the text.
+    """
+    return np.ndarray((len(text) - 7,), dtype="<u8", buffer=text, strides=(1,))
 
 
 def parse_number(word: bytes) -> float:
@@ -129,18 +145,19 @@ def parse_number(word: bytes) -> float:
 
 
 def _decimals(
-    text: ByteArray, words: WordArray, starts: IndexArray, ends: IndexArray
+    text: ByteArray, points: IndexArray, starts: IndexArray, ends: IndexArray
 ) -> tuple[WordArray, IndexArray, IndexArray, BoolArray]:
     """Split words into mantissa, number of decimals and sign; False where that is too long."""
     first = text[starts]
     negative = first == ord("-")
     begins = starts + (negative | (first == ord("+")))
-    points = _first_of(text == ord("."), starts, ends)
+    points = _first_of(points, starts, ends)
     whole = points - begins
     decimals = np.maximum(ends - points - 1, 0)
     count = whole + decimals
     good = (whole <= 8) & (decimals <= 8) & (count <= 15) & (count > 0)
     decimals = np.minimum(decimals, 8)
+    words = words_of(text)
     mantissas, wrong = _digits(words, points, np.clip(whole, 0, 8))
     fractions, wrong_too = _digits(words, ends, decimals)
     mantissas *= WORD_POWERS[decimals]
@@ -149,14 +166,13 @@ def _decimals(
     return mantissas, decimals, 1 - 2 * negative.astype(np.int64), good
 
 
-def _first_of(sign: BoolArray, starts: IndexArray, ends: IndexArray) -> IndexArray:
-    """Position of the first byte of each word that is the sign sought, or else its end."""
-    places = np.flatnonzero(sign)
+def _first_of(places: IndexArray, starts: IndexArray, ends: IndexArray) -> IndexArray:
+    """Return the first of `places` in each word, or else the word's end; all ascend."""
     if len(places) == len(starts) and ((places >= starts) & (places < ends)).all():
         return places
-    seen = np.cumsum(sign, dtype=np.int32)
-    places = np.append(places, len(sign))[seen[starts - 1]]
-    return np.minimum(places, ends)
+    following = np.searchsorted(places, starts)
+    first: IndexArray = np.minimum(np.append(places, ends[-1])[following], ends)
+    return first
 
 
 def _digits(words: WordArray, ends: IndexArray, counts: IndexArray) -> tuple[WordArray, WordArray]:
@@ -179,20 +195,21 @@ def _digits(words: WordArray, ends: IndexArray, counts: IndexArray) -> tuple[Wor
 
 
 def _scaled(
-    text: ByteArray, words: WordArray, starts: IndexArray, ends: IndexArray
+    text: ByteArray, points: IndexArray, starts: IndexArray, ends: IndexArray
 ) -> tuple[FloatArray, BoolArray]:
     """Read words with an exponent; False where there is none or the value would not be exact."""
-    marks = _first_of((text | 32) == ord("e"), starts, ends)
+    marks = _first_of(np.flatnonzero((text | 32) == ord("e")), starts, ends)
     good = (marks > starts) & (marks < ends - 1)
     marks = np.where(good, marks, starts + 1)
-    mantissas, decimals, signs, readable = _decimals(text, words, starts, marks)
+    mantissas, decimals, signs, readable = _decimals(text, points, starts, marks)
     after = np.where(good, marks + 1, starts)
-    exponents, points, exponent_signs, whole = _decimals(text, words, after, ends)
-    good &= readable & whole & (points == 0) & (text[ends - 1] != ord("."))
+    none = np.empty(0, dtype=np.int64)  # a point in an exponent is no digit
+    exponents, _, exponent_signs, whole = _decimals(text, none, after, ends)
+    good &= readable & whole
     powers = np.where(good, exponents.view(np.int64) * exponent_signs - decimals, 0)
     good &= np.abs(powers) <= EXACT_POWER
     powers[~good] = 0
-    values = mantissas.view(np.int64) * signs.astype(np.float64)
-    values *= FLOAT_POWERS[np.maximum(powers, 0)]
+    values: FloatArray = mantissas.view(np.int64) * FLOAT_POWERS[np.maximum(powers, 0)]
     values /= FLOAT_POWERS[np.maximum(-powers, 0)]
+    values *= signs
     return values, good

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Final
 
+import numpy as np
+
 from mocapidx.errors import FormatError
 from mocapidx.printable import shown
 
@@ -43,24 +45,26 @@ class Limits:
     max_joints: int = 4_096
     max_levels: int = 512
 
-    def check_frames(self, frames: int, where: str) -> None:
+    def check_frames(self, frames: int, path: Path) -> None:
         """Raise FormatError if there are too many frames."""
         if frames > self.max_frames:
             raise FormatError(
-                f"{where}: more than {self.max_frames:,} frames; --max-frames lifts this limit"
+                f"{place(path)}: more than {self.max_frames:,} frames; "
+                "--max-frames lifts this limit"
             )
 
-    def check_joints(self, joints: int, where: str) -> None:
+    def check_joints(self, joints: int, path: Path, line: int) -> None:
         """Raise FormatError if a skeleton has too many nodes."""
         if joints > self.max_joints:
             raise FormatError(
-                f"{where}: more than {self.max_joints:,} joints; --max-joints lifts this limit"
+                f"{place(path, line)}: more than {self.max_joints:,} joints; "
+                "--max-joints lifts this limit"
             )
 
-    def check_levels(self, levels: int, where: str) -> None:
+    def check_levels(self, levels: int, path: Path, line: int) -> None:
         """Raise FormatError if a skeleton is nested too deeply."""
         if levels > self.max_levels:
-            raise FormatError(f"{where}: more than {self.max_levels} levels of joints")
+            raise FormatError(f"{place(path, line)}: more than {self.max_levels} levels of joints")
 
 
 def place(path: Path, line: int | None = None) -> str:
@@ -86,7 +90,7 @@ def read_text(path: Path, limits: Limits) -> bytes:
     Returns
     -------
     bytes
-        Lines end in LF; a byte-order mark is gone, and UTF-16 that had one is UTF-8.
+        Lines end in LF or CRLF; a byte-order mark is gone, and UTF-16 that had one is UTF-8.
 
     Raises
     ------
@@ -102,7 +106,7 @@ def read_text(path: Path, limits: Limits) -> bytes:
             _plain_file(path, os.fstat(file.fileno()), limits)
             data = _read_lines(path, file, before.st_size)
             after = os.fstat(file.fileno())
-    except OSError as exc:
+    except (OSError, ValueError) as exc:  # ValueError: a NUL in the name
         raise FormatError(f"{place(path)}: {_reason(path, exc)}") from exc
     if (before.st_size, before.st_mtime_ns) != (after.st_size, after.st_mtime_ns):
         raise FormatError(f"{place(path)}: changed while it was read; try again when it is whole")
@@ -151,14 +155,24 @@ def _as_utf8(path: Path, data: bytes) -> bytes:
 
 
 def _with_plain_line_ends(data: bytes) -> bytes:
-    if b"\r" not in data:
+    """Make every lone CR an LF; the CR of a CRLF is blank enough as it is."""
+    if b"\r" not in data or not _has_lone_cr(data):
         return data
     return data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
 
 
-def _reason(path: Path, exc: OSError) -> str:
+def _has_lone_cr(data: bytes) -> bool:
+    text = np.frombuffer(data, dtype=np.uint8)
+    for at in range(0, len(text), CHUNK):
+        after = np.flatnonzero(text[at : at + CHUNK] == ord("\r")) + (at + 1)
+        if len(after) and (after[-1] == len(text) or (text[after] != ord("\n")).any()):
+            return True
+    return False
+
+
+def _reason(path: Path, exc: OSError | ValueError) -> str:
     if isinstance(exc, FileNotFoundError):
         if path.is_symlink():
             return "is a symbolic link to a file that is not there"
         return "no such file"
-    return f"can't be read: {exc.strerror or exc}"
+    return f"can't be read: {getattr(exc, 'strerror', None) or exc}"

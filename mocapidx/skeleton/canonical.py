@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 
 from mocapidx.model import FloatArray, IndexArray, Recording
-from mocapidx.skeleton.joints import CANONICAL_JOINTS, INDEX
 from mocapidx.skeleton.jointmap import Between, Mapping24
+from mocapidx.skeleton.joints import CANONICAL_JOINTS, INDEX
 from mocapidx.skeleton.kinematics import RootPositions, node_positions, zero_pose
 
 __all__ = ["canonical_positions", "canonical_rest", "made_joints"]
@@ -100,7 +100,8 @@ def canonical_rest(recording: Recording, mapping: Mapping24) -> FloatArray:
     points = zero_pose(recording.skeleton)
     there = np.array(mapping.nodes)
     pose = np.where(there[:, None] >= 0, points[there], np.nan)
-    return _completed(pose[None], mapping)[0]
+    completed: FloatArray = _completed(pose[None], mapping)[0]
+    return completed
 
 
 def _completed(positions: FloatArray, mapping: Mapping24) -> FloatArray:
@@ -123,4 +124,5 @@ def _top_of_head(positions: FloatArray) -> FloatArray:
     upwards = head - neck
     length = np.linalg.norm(upwards, axis=1, keepdims=True)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return head + HEAD_TO_TOP * height * upwards / length
+        top: FloatArray = head + HEAD_TO_TOP * height * upwards / length
+    return top

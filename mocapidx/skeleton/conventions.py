@@ -5,7 +5,6 @@ of human length, a head above the feet, feet on the floor. Each guess comes with
 and each can be overruled.
 """
 
-import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final, Literal, get_args
@@ -25,9 +24,11 @@ __all__ = ["Conventions", "Overrides", "detect_conventions"]
 
 FirstFrame = Literal["motion", "dropped T-pose"]
 
-SAMPLES: Final = 256  # frames looked at, spread over the take
+SAMPLES: Final = 128  # frames looked at, spread over the take
 SHORTEST_LEG, LONGEST_LEG = 0.70, 1.00  # hip to knee to ankle of adults, metres
+STEEP: Final = 0.95  # cosine between a standing shank and the vertical
 ON_ONE_POINT: Final = 1e-4  # metres
+SMALL_TURN: Final = np.deg2rad(10.0)  # no T-pose is as near to the motion as that
 JUMP: Final = 0.05  # metres that a joint moves on average between a T-pose and the motion
 JUMP_RATIO: Final = 5.0  # and how many times the largest step that follows
 
@@ -282,6 +283,9 @@ def _first_frame(recording: Recording, mapping: Mapping24, said: Overrides) -> t
     turns = recording.values[:2, recording.channel_kinds >= 3]
     if turns.size and not turns[0].any() and turns[1].any():
         return True, "first frame: dropped T-pose (all its rotations are 0)"
+    step = np.abs(np.remainder(turns[1] - turns[0] + np.pi, 2 * np.pi) - np.pi)
+    if np.max(step, initial=0.0) < SMALL_TURN:
+        return False, "first frame: motion (nothing turns by more than 10 degrees to frame 1)"
     poses = canonical_positions(recording, mapping, "add", slice(0, SAMPLES))
     unit = said.unit or recording.unit or _nearest_unit(_leg(poses))
     poses = (poses - poses[:, :1]) * unit
@@ -306,24 +310,31 @@ def _is_t_pose(pose: FloatArray) -> bool:
 def _facing(poses: FloatArray) -> float:
     """Return the median cosine between where the hips face and where the toes point.
 
-    The poses are upright; NaN where there are no toes.
+    The poses are upright; NaN where there are no toes. Only feet under a steep shank count:
+    those of a runner's back leg point anywhere.
     """
-    cosines = []
     across = poses[:, INDEX["lhip"]] - poses[:, INDEX["rhip"]]
-    front = np.cross(across, (0.0, 1.0, 0.0))[:, [0, 2]]
+    front = _unit_vectors(np.cross(across, (0.0, 1.0, 0.0))[:, [0, 2]])
+    cosines, steepness = [], []
     for side in "lr":
-        foot = (poses[:, INDEX[f"{side}toes"]] - poses[:, INDEX[f"{side}ankle"]])[:, [0, 2]]
-        cosines.append(np.sum(_unit_vectors(front) * _unit_vectors(foot), axis=1))
-    return float(np.median(cosines))
+        knee, ankle, toes = (poses[:, INDEX[f"{side}{j}"]] for j in ("knee", "ankle", "toes"))
+        foot = _unit_vectors((toes - ankle)[:, [0, 2]])
+        cosines.append(np.sum(front * foot, axis=1))
+        steepness.append(_unit_vectors(knee - ankle)[:, 1])
+    steep = np.concatenate(steepness)
+    standing = steep >= min(STEEP, np.percentile(steep, 75))
+    return float(np.median(np.concatenate(cosines)[standing]))
 
 
 def _coincident(poses: FloatArray) -> tuple[tuple[str, str], ...]:
     """Return the pairs of joints that are never apart; the poses are in metres."""
-    pairs = []
-    for a, b in itertools.combinations(range(len(CANONICAL_JOINTS)), 2):
-        if np.abs(poses[:, a] - poses[:, b]).max() < ON_ONE_POINT:
-            pairs.append((CANONICAL_JOINTS[a], CANONICAL_JOINTS[b]))
-    return tuple(pairs)
+    first = poses[0]
+    near = np.abs(first[:, None] - first).max(axis=2) < ON_ONE_POINT  # NaN is near nothing
+    return tuple(
+        (CANONICAL_JOINTS[a], CANONICAL_JOINTS[b])
+        for a, b in np.argwhere(np.triu(near, k=1))
+        if np.abs(poses[:, a] - poses[:, b]).max() < ON_ONE_POINT
+    )
 
 
 def _unit_vectors(vectors: FloatArray) -> FloatArray:

@@ -8,7 +8,7 @@ import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, lru_cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
@@ -138,8 +138,7 @@ def choose_map(skeleton: Skeleton, joint_map: JointMap | None = None, where: str
 def _fit(skeleton: Skeleton, joint_map: JointMap) -> tuple[Mapping24 | None, list[str]]:
     """Return the nodes of the joints, or what is missing for them."""
     best: list[str] = []
-    for names in _stripped(skeleton.names, joint_map.strip):
-        place = {name: i for i, name in enumerate(names)}
+    for place in _places(skeleton.names, joint_map.strip):
         missing = [f"needs '{shown(n)}'" for n in joint_map.needs if n not in place]
         missing += [f"does not expect '{shown(n)}'" for n in joint_map.lacks if n in place]
         nodes = []
@@ -156,17 +155,19 @@ def _fit(skeleton: Skeleton, joint_map: JointMap) -> tuple[Mapping24 | None, lis
     return None, best
 
 
-def _stripped(names: tuple[str, ...], strip: str) -> Iterable[list[str]]:
-    """Yield the names with what exporters put before them taken off, the mildest way first."""
-    plain = [re.sub(strip, "", n, count=1) if re.match(strip, n) else n for n in names]
-    spaces = [re.sub(f"^(?:{strip})", "", n.rsplit(":", 1)[-1]).replace(" ", "_") for n in names]
-    prefix = _common_prefix(spaces)
-    for form in (plain, spaces, [n[len(prefix) :] for n in spaces]):
-        if len(set(form)) == len(form) and all(form):
-            yield form
+@lru_cache(maxsize=256)
+def _places(names: tuple[str, ...], strip: str) -> tuple[dict[str, int], ...]:
+    """Return name to node, without what exporters put before names; the mildest way first."""
+    prefix = re.compile(f"^(?:{strip})")
+    plain = tuple(prefix.sub("", n) for n in names)
+    bare = tuple(prefix.sub("", n.rsplit(":", 1)[-1]).replace(" ", "_") for n in names)
+    common = len(_common_prefix(bare))
+    forms = dict.fromkeys((plain, bare, tuple(n[common:] for n in bare)))
+    places = ({name: i for i, name in enumerate(form)} for form in forms)
+    return tuple(place for place in places if len(place) == len(names))
 
 
-def _common_prefix(names: list[str]) -> str:
+def _common_prefix(names: tuple[str, ...]) -> str:
     """Return what all names begin with, up to and with its last underscore."""
     low, high = min(names), max(names)
     length = next((i for i, (a, b) in enumerate(zip(low, high, strict=False)) if a != b), len(low))

@@ -5,6 +5,7 @@ one block needs stays in the processor's cache.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final, Literal
 
 import numpy as np
@@ -44,12 +45,18 @@ def node_positions(
     ndarray of float64, shape (T, K, 3)
         In file units.
     """
+    needed = _with_ancestors(recording.skeleton, nodes)
+    channels = np.isin(recording.channel_nodes, needed)
+    part = replace(
+        recording,
+        channel_nodes=recording.channel_nodes[channels],
+        channel_kinds=recording.channel_kinds[channels],
+    )
     values = recording.values[frames]
-    wanted = [node for node in nodes if node >= 0]
     result = np.full((len(values), len(nodes), 3), np.nan)
     for begin in range(0, len(values), BLOCK):
-        block = np.ascontiguousarray(values[begin : begin + BLOCK].T)
-        points = _points(recording, wanted, positions, block)
+        block = np.ascontiguousarray(values[begin : begin + BLOCK, channels].T)
+        points = _points(part, needed, positions, block)
         for k, node in enumerate(nodes):
             if node >= 0:
                 result[begin : begin + BLOCK, k] = points[node].T
@@ -77,66 +84,62 @@ def zero_pose(skeleton: Skeleton) -> FloatArray:
 
 
 def _points(
-    recording: Recording, wanted: list[int], positions: RootPositions, values: FloatArray
+    recording: Recording, needed: list[int], positions: RootPositions, values: FloatArray
 ) -> dict[int, FloatArray]:
-    """Return the points (3, T) of nodes and their ancestors for one block of channels (C, T)."""
+    """Return the points (3, T) of nodes, parents first, for one block of channels (C, T).
+
+    The rotation of a node is C M C' with C its own constant frame. What is kept is the product
+    up to M, so that C' of a node and C of its child are one constant factor.
+    """
     skeleton = recording.skeleton
-    needed = _with_ancestors(skeleton, wanted)
-    turning = (
-        needed if skeleton.turned_by == "own" else {int(skeleton.parents[n]) for n in needed if n}
-    )
+    by_own = skeleton.turned_by == "own"
+    turning = set(needed if by_own else skeleton.parents[needed].tolist())
     channels = _channels_of(recording, needed)
-    frames = (
-        skeleton.axes
-        if skeleton.axes is not None
-        else np.broadcast_to(np.eye(3), (len(skeleton.names), 3, 3))
-    )
-    identity = np.broadcast_to(np.eye(3)[:, :, None], (3, 3, values.shape[1]))
+    cosines, sines = np.cos(values), np.sin(values)
     points: dict[int, FloatArray] = {-1: np.zeros((3, values.shape[1]))}
-    # The rotation of a node is C M C' with C its own constant frame. What is kept is the
-    # product up to M, so that C' of a node and C of its child are one constant factor.
-    turns: dict[int, FloatArray] = {-1: identity}
+    turns: dict[int, FloatArray] = {
+        -1: np.broadcast_to(np.eye(3)[:, :, None], (3, 3, values.shape[1]))
+    }
     undo: dict[int, FloatArray] = {-1: np.eye(3)}
-    for node in sorted(needed):
+    for node in needed:
         parent = int(skeleton.parents[node])
         if node in turning:
-            change = undo[parent] @ frames[node]
+            frame: FloatArray = np.eye(3) if skeleton.axes is None else skeleton.axes[node]
+            change = undo[parent] @ frame
             turn = turns[parent]
             if not np.array_equal(change, np.eye(3)):
                 turn = multiplied(turn, change)
-            for channel, kind in channels.get(node, ()):
+            for channel, kind in channels[node]:
                 if kind >= 3:
-                    turn = turned(turn, kind - 3, values[channel])
+                    turn = turned(turn, kind - 3, cosines[channel], sines[channel])
             turns[node] = turn
-            undo[node] = frames[node].T
-        offset = _offset(skeleton.offsets[node], channels.get(node, []), positions, values)
-        if skeleton.turned_by == "own" and parent >= 0:
-            by = node
-        else:
-            by = parent
+            undo[node] = frame.T
+        offset = _offset(skeleton.offsets[node], channels[node], positions, values)
+        by = node if by_own and parent >= 0 else parent
         if by >= 0:
             offset = times_vector(turns[by], undo[by] @ offset)
         points[node] = points[parent] + (offset if offset.ndim == 2 else offset[:, None])
     return points
 
 
-def _with_ancestors(skeleton: Skeleton, nodes: list[int]) -> set[int]:
+def _with_ancestors(skeleton: Skeleton, nodes: Sequence[int]) -> list[int]:
+    """Return nodes and all that they hang on, parents first."""
     needed: set[int] = set()
     for node in nodes:
         while node >= 0 and node not in needed:
             needed.add(node)
             node = int(skeleton.parents[node])
-    return needed
+    return sorted(needed)
 
 
-def _channels_of(recording: Recording, nodes: set[int]) -> dict[int, list[tuple[int, int]]]:
+def _channels_of(recording: Recording, nodes: list[int]) -> dict[int, list[tuple[int, int]]]:
     """Return column and kind of the channels of each node, in their order."""
-    channels: dict[int, list[tuple[int, int]]] = {}
+    channels: dict[int, list[tuple[int, int]]] = {node: [] for node in nodes}
     for column, (node, kind) in enumerate(
         zip(recording.channel_nodes.tolist(), recording.channel_kinds.tolist(), strict=True)
     ):
-        if node in nodes:
-            channels.setdefault(node, []).append((column, kind))
+        if node in channels:
+            channels[node].append((column, kind))
     return channels
 
 

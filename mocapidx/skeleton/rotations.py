@@ -11,7 +11,7 @@ __all__ = ["multiplied", "times_vector", "turned", "upright"]
 Up = Literal["x", "y", "z", "-x", "-y", "-z"]
 
 
-def turned(matrices: FloatArray, axis: int, angles: FloatArray) -> FloatArray:
+def turned(matrices: FloatArray, axis: int, cosines: FloatArray, sines: FloatArray) -> FloatArray:
     """Multiply matrices from the right by rotations about one coordinate axis.
 
     Parameters
@@ -20,20 +20,20 @@ def turned(matrices: FloatArray, axis: int, angles: FloatArray) -> FloatArray:
         One matrix a frame, ``matrices[row, column, frame]``.
     axis : {0, 1, 2}
         x, y or z.
-    angles : ndarray of float, shape (T,)
-        In radians, counter-clockwise seen from the tip of the axis.
+    cosines, sines : ndarray of float, shape (T,)
+        Of the angles, counter-clockwise seen from the tip of the axis.
 
     Returns
     -------
     ndarray of float, shape (3, 3, T)
         The products; only two columns differ from `matrices`.
     """
-    i, j = (axis + 1) % 3, (axis + 2) % 3
-    cosines, sines = np.cos(angles), np.sin(angles)
-    product = matrices.copy()
-    product[:, i] *= cosines
+    i, j, k = (axis + 1) % 3, (axis + 2) % 3, axis
+    product = np.empty(matrices.shape)
+    product[:, k] = matrices[:, k]
+    np.multiply(matrices[:, i], cosines, out=product[:, i])
     product[:, i] += matrices[:, j] * sines
-    product[:, j] *= cosines
+    np.multiply(matrices[:, j], cosines, out=product[:, j])
     product[:, j] -= matrices[:, i] * sines
     return product
 
@@ -74,7 +74,7 @@ def times_vector(matrices: FloatArray, vector: FloatArray) -> FloatArray:
     ndarray of float, shape (3, T)
         The turned vectors.
     """
-    product = matrices[:, 0] * vector[0]
+    product: FloatArray = matrices[:, 0] * vector[0]
     product += matrices[:, 1] * vector[1]
     product += matrices[:, 2] * vector[2]
     return product

@@ -1,7 +1,7 @@
 """Read a take: from a motion file to the 24 canonical joints, in metres, Y up."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -74,7 +74,7 @@ class ReadOptions:
     up: Up | None = None
     root_positions: RootPositions | None = None
     keep_first_frame: bool | None = None
-    limits: Limits = Limits()
+    limits: Limits = field(default_factory=Limits)
 
     def __post_init__(self) -> None:
         if self.source_rate is not None and not 0.1 <= self.source_rate <= 10_000:
