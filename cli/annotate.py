@@ -1,0 +1,169 @@
+"""The command `annotate`."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from mocapidx.tasks.annotate import Annotated
+
+from .options import jobs_option, quiet_option, read_options, reading_options
+from .rows import note, print_rows, row_options, warn
+
+__all__ = ["annotate"]
+
+SKIPPED = 5  # exit code: done, but some inputs were skipped
+METHODS = ("path", "hits")
+OVERLAPS = ("rivals", "keep")
+
+
+@click.command()
+@click.argument(
+    "inputs",
+    nargs=-1,
+    required=True,
+    metavar="INPUT_OR_STORE...",
+    type=click.Path(path_type=Path),
+)
+@click.option(
+    "--templates",
+    required=True,
+    type=click.Path(path_type=Path),
+    help="Template file, from learn-mt.",
+)
+@click.option(
+    "--class",
+    "classes",
+    multiple=True,
+    metavar="NAME",
+    help="Only this class; may be given more than once.  [default: all]",
+)
+@click.option(
+    "--method",
+    type=click.Choice(METHODS),
+    default="path",
+    show_default=True,
+    help="One path through looping templates, or the hits of quantised templates.",
+)
+@click.option(
+    "--fill", is_flag=True, help="path: label every frame, also motion that is like no class."
+)
+@click.option(
+    "--overlap",
+    type=click.Choice(OVERLAPS),
+    default="rivals",
+    show_default=True,
+    help="hits: where classes overlap, keep the better one or all.",
+)
+@click.option(
+    "--tau",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="COST",
+    help="hits: one threshold for all classes.  [default: each class's own, else 0.06]",
+)
+@click.option(
+    "--skip-bad", is_flag=True, help="Pass over files that can't be used; the exit code is then 5."
+)
+@click.option(
+    "--root",
+    type=click.Path(exists=True, file_okay=False, path_type=Path),
+    help="Name documents by their path below this folder.",
+)
+@reading_options
+@row_options
+@jobs_option
+@quiet_option
+def annotate(
+    inputs: tuple[Path, ...],
+    templates: Path,
+    classes: tuple[str, ...],
+    method: Any,
+    fill: bool,
+    overlap: Any,
+    tau: float | None,
+    skip_bad: bool,
+    root: Path | None,
+    row_format: str,
+    output: Path,
+    jobs: int,
+    quiet: bool,
+    **reading: Any,
+) -> int:
+    """Say which motion class occurs when, in motion files, folders and stores.
+
+    Each record is a stretch of a document in which one class goes on, with the number of its
+    repetitions. Motion that is like no class stays unlabelled.
+
+    \b
+    Example:
+      mocapidx annotate takes/ --templates sports.h5 --format csv --output labels.csv
+    """
+    from mocapidx.tasks.annotate import (
+        ANNOTATION_COLUMNS,
+        AnnotateOptions,
+        annotation_record,
+    )
+    from mocapidx.tasks.annotate import annotate as annotate_motion
+
+    options = AnnotateOptions(
+        classes=classes,
+        method=method,
+        fill=fill,
+        overlap=overlap,
+        tau=tau,
+        skip_bad=skip_bad,
+        read=read_options(reading),
+        root=root,
+        jobs=jobs,
+    )
+    with Bar(hidden=quiet or not sys.stderr.isatty()) as bar:
+        annotated = annotate_motion(inputs, templates, options, progress=bar.show)
+    for refused in annotated.refused:
+        warn(refused.message)
+    if annotated.assumed_rate and not quiet:
+        count, first = len(annotated.assumed_rate), annotated.assumed_rate[0]
+        warn(
+            f"nothing says the rate of {count} AMC files, such as {first}: taken as 120 Hz; "
+            f"use --source-rate"
+        )
+    records = map(annotation_record, annotated.annotations)
+    print_rows(records, row_format, output, ANNOTATION_COLUMNS)
+    note(sentence(annotated), quiet)
+    return SKIPPED if annotated.refused else 0
+
+
+def sentence(annotated: "Annotated") -> str:
+    """Say in one line what was annotated."""
+    minutes = annotated.frames / annotated.rate / 60
+    text = (
+        f"{annotated.documents} documents, {minutes:.1f} minutes: "
+        f"{len(annotated.annotations)} annotations"
+    )
+    return f"{text}; {len(annotated.refused)} could not be used" if annotated.refused else text
+
+
+class Bar:
+    """A progress bar of documents."""
+
+    def __init__(self, hidden: bool) -> None:
+        self.hidden = hidden
+        self.bar: Any = None
+
+    def __enter__(self) -> "Bar":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.bar is not None:
+            self.bar.close()
+
+    def show(self, done: int, total: int) -> None:
+        """Move the bar; tqdm is imported with the first step, and only for a terminal."""
+        if self.hidden:
+            return
+        if self.bar is None:
+            from tqdm import tqdm
+
+            self.bar = tqdm(total=total, unit="doc", file=sys.stderr)
+        self.bar.update(done - self.bar.n)

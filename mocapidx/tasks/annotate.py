@@ -1,0 +1,422 @@
+"""Say which motion class occurs when, in motion files and in stores."""
+
+import itertools
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack, nullcontext
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Final, Literal
+
+import numpy as np
+
+from mocapidx.errors import FormatError, ParameterError, StoreError
+from mocapidx.features.featureset import FeatureSet, parse_feature_set
+from mocapidx.model import Hit, IndexArray, WordArray
+from mocapidx.printable import shown
+from mocapidx.store.manifest import Document, Placed
+from mocapidx.store.read import Snapshot, open_store
+from mocapidx.store.schema import MANIFEST
+from mocapidx.tasks.hits import make_hit
+from mocapidx.tasks.parallel import MapFunction, mapping
+from mocapidx.tasks.prepare import Job, Prepared, Refused, prepare
+from mocapidx.tasks.read import ReadOptions
+from mocapidx.tasks.records import Record, hit_record
+from mocapidx.tasks.segment_sources import untrusted_mask
+from mocapidx.tasks.sources import Source, find_sources
+from mocapidx.templates.file import load_templates
+from mocapidx.templates.match import find_hits, match_documents
+from mocapidx.templates.path import UNKNOWN_COST, annotate_words, loop_bank
+from mocapidx.templates.quantise import quantise
+from mocapidx.templates.template import MotionTemplate, TemplateSet
+from mocapidx.templates.thresholds import beaten_by_rivals
+
+__all__ = [
+    "ANNOTATION_COLUMNS",
+    "AnnotateOptions",
+    "Annotated",
+    "Annotation",
+    "annotate",
+    "annotation_record",
+]
+
+ANNOTATION_COLUMNS: Final = (
+    "document",
+    "start_time",
+    "end_time",
+    "source_start_frame",
+    "source_end_frame",
+    "label",
+    "repetitions",
+    "cost",
+)
+"""What a table shows of an annotation."""
+
+BATCH_FRAMES: Final = 1 << 17
+"""Documents of a store that are read and matched together: a MiB of words."""
+
+JOBS_PER_WORKER: Final = 8
+"""Starting a worker takes as long as annotating a few files."""
+
+
+@dataclass(frozen=True, slots=True)
+class AnnotateOptions:
+    """How motion is annotated.
+
+    Parameters
+    ----------
+    classes : tuple of str
+        Only these; empty: all that the templates have.
+    method : {"path", "hits"}
+        One path through looping templates, or the places where quantised templates match.
+    fill : bool
+        Path: give every frame a label, however little it is like any class.
+    overlap : {"rivals", "keep"}
+        Hits: where classes overlap, drop what another class explains better, or keep all.
+    tau : float, optional
+        Hits: the threshold of all classes instead of their own.
+    skip_bad : bool
+        Go on after a file that can't be used.
+    read : ReadOptions
+        How motion files are understood.
+    root : Path, optional
+        Names of files are relative to this folder.
+    jobs : int
+        Worker processes.
+
+    Raises
+    ------
+    ParameterError
+        If an option does not go with the method.
+    """
+
+    classes: tuple[str, ...] = ()
+    method: Literal["path", "hits"] = "path"
+    fill: bool = False
+    overlap: Literal["rivals", "keep"] = "rivals"
+    tau: float | None = None
+    skip_bad: bool = False
+    read: ReadOptions = field(default_factory=ReadOptions)
+    root: Path | None = None
+    jobs: int = 1
+
+    def __post_init__(self) -> None:
+        if self.fill and self.method != "path":
+            raise ParameterError("to fill every frame goes with the method 'path' only")
+        if self.tau is not None and self.method != "hits":
+            raise ParameterError("a threshold goes with the method 'hits' only")
+        if self.overlap != "rivals" and self.method != "hits":
+            raise ParameterError("to keep overlapping hits goes with the method 'hits' only")
+
+
+@dataclass(frozen=True, slots=True)
+class Annotation:
+    """A class goes on in a stretch of a document.
+
+    Parameters
+    ----------
+    hit : Hit
+        Where, and at what cost: surprise in nats a feature, or the cost of a match.
+    repetitions : float
+        How often the movement was gone through, parts counted as parts.
+    """
+
+    hit: Hit
+    repetitions: float
+
+
+@dataclass(frozen=True, slots=True)
+class Annotated:
+    """The annotations of some documents, and what there is to know about them.
+
+    Parameters
+    ----------
+    annotations : tuple of Annotation
+        By document name, then by start.
+    documents, frames : int
+        How much was annotated, at the rate of the templates.
+    rate : float
+        That rate, in Hz.
+    refused : tuple of Refused
+        Files that could not be used, in the order of their names.
+    assumed_rate : tuple of str
+        Documents of which nothing says the source rate.
+    """
+
+    annotations: tuple[Annotation, ...]
+    documents: int
+    frames: int
+    rate: float
+    refused: tuple[Refused, ...]
+    assumed_rate: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Batch:
+    """Words of documents end to end, all with the same untrusted features."""
+
+    documents: tuple[Document, ...]
+    words: WordArray
+    bounds: IndexArray
+    untrusted: int
+    assumed_rate: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Work:
+    """What a worker needs besides the motion."""
+
+    templates: tuple[MotionTemplate, ...]
+    feature_set: FeatureSet
+    rate: float
+    options: AnnotateOptions
+
+
+@dataclass(frozen=True, slots=True)
+class _Done:
+    """What a worker found in a batch."""
+
+    annotations: tuple[Annotation, ...]
+    documents: tuple[str, ...]
+    frames: int
+    assumed_rate: bool
+
+
+def annotate(
+    inputs: Sequence[Path],
+    templates: Path | TemplateSet,
+    options: AnnotateOptions | None = None,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+    map_fn: MapFunction | None = None,
+) -> Annotated:
+    """Annotate motion files, folders and stores with the classes of a template file.
+
+    Parameters
+    ----------
+    inputs : sequence of Path
+        Motion files, folders that are searched for them, and stores.
+    templates : Path or TemplateSet
+    options : AnnotateOptions, optional
+    progress : callable, optional
+        Called with the number of documents done and of all.
+    map_fn : callable, optional
+        Runs the work, with the shape of ``map``; by default ``options.jobs`` processes.
+
+    Returns
+    -------
+    Annotated
+
+    Raises
+    ------
+    FormatError
+        If a file can't be used and ``skip_bad`` is off.
+    ParameterError
+        If an input does not exist, two documents have one name, or there is no such class.
+    StoreError
+        If a store or the template file is damaged, or they are of different feature sets or
+        rates.
+    """
+    options = options or AnnotateOptions()
+    known = load_templates(templates) if isinstance(templates, Path) else templates
+    work = _Work(
+        _chosen(known, options),
+        parse_feature_set(known.feature_set_text, "the templates"),
+        known.rate,
+        options,
+    )
+    folders = [path for path in inputs if not (path / MANIFEST).exists()]
+    sources = find_sources(folders, options.root)[0] if folders else ()
+    with ExitStack() as stack:
+        stores = [stack.enter_context(open_store(path)) for path in inputs if path not in folders]
+        for store in stores:
+            _check_store(store, known)
+        total = _count_documents(sources, stores)
+        items = itertools.chain(sources, *map(_store_batches, stores))
+        jobs = min(options.jobs, -(-total // JOBS_PER_WORKER))
+        parallel = jobs > 1 and map_fn is None
+        apply = stack.enter_context(mapping(jobs) if parallel else nullcontext(map_fn or map))
+        return _gathered(
+            apply(partial(_annotate, work), items), known.rate, options, total, progress
+        )
+
+
+def annotation_record(annotation: Annotation) -> Record:
+    """Lay out an annotation as the record that is printed.
+
+    Parameters
+    ----------
+    annotation : Annotation
+
+    Returns
+    -------
+    dict
+        The keys of a hit without its rank, then ``repetitions``, rounded to hundredths.
+    """
+    record = dict(hit_record(annotation.hit, 1))
+    del record["rank"]
+    return record | {"repetitions": round(annotation.repetitions, 2)}
+
+
+def _chosen(known: TemplateSet, options: AnnotateOptions) -> tuple[MotionTemplate, ...]:
+    """Templates of the chosen classes; hits are found with class templates alone."""
+    labels = dict.fromkeys(options.classes) or known.labels
+    templates = tuple(template for label in labels for template in known.of(label))
+    if options.method == "hits":
+        templates = tuple(template for template in templates if template.kind == "class")
+    if not templates:
+        raise ParameterError("the template file holds no template to annotate with")
+    return templates
+
+
+def _check_store(store: Snapshot, known: TemplateSet) -> None:
+    settings = store.manifest.settings
+    if settings.feature_set_digest != known.feature_set_digest:
+        raise StoreError(
+            f"{shown(store.path)}: made with feature set '{shown(settings.feature_set_name)}' "
+            f"({settings.feature_set_digest[:8]}), the templates with "
+            f"'{shown(known.feature_set_name)}' ({known.feature_set_digest[:8]}); "
+            "index again with theirs, or learn again"
+        )
+    if settings.rate != known.rate:
+        raise StoreError(
+            f"{shown(store.path)}: has {settings.rate:g} frames/s, the templates {known.rate:g}; "
+            "index again at their rate, or learn again"
+        )
+
+
+def _count_documents(sources: Sequence[Source], stores: Sequence[Snapshot]) -> int:
+    """Count all documents; no two may have one name."""
+    origins = {source.name: source.path for source in sources}
+    for store in stores:
+        for placed in store.documents():
+            name = placed.document.name
+            if name in origins:
+                raise ParameterError(
+                    f"{shown(origins[name])} and {shown(store.path)} both hold a document "
+                    f"'{shown(name)}'; annotate them one after the other"
+                )
+            origins[name] = store.path
+    return len(origins)
+
+
+def _store_batches(store: Snapshot) -> Iterator[_Batch]:
+    """Read a store piece by piece; neighbours with the same untrusted features go together."""
+    for file in store.files:
+        live = (placed for placed in file.placed() if placed.document.live)
+        pieces = itertools.groupby(
+            live, lambda p: (p.frame_offset // BATCH_FRAMES, untrusted_mask(p.document))
+        )
+        for (_, untrusted), piece in pieces:
+            yield _read_batch(store, list(piece), untrusted)
+
+
+def _read_batch(store: Snapshot, piece: list[Placed], untrusted: int) -> _Batch:
+    start = piece[0].frame_offset
+    stop = piece[-1].frame_offset + piece[-1].document.frames
+    words = store.array(piece[0].file, "frames/words", start, stop)
+    lengths = [placed.document.frames for placed in piece]
+    wanted = [
+        words[placed.frame_offset - start :][:length]
+        for placed, length in zip(piece, lengths, strict=True)
+    ]
+    bounds = np.concatenate(([0], np.cumsum(lengths)))
+    documents = tuple(placed.document for placed in piece)
+    return _Batch(documents, np.concatenate(wanted), bounds, untrusted)
+
+
+def _read_file(work: _Work, source: Source) -> _Batch | Refused:
+    job = Job(source, None, work.options.read, work.feature_set, work.rate, poses=False)
+    prepared = prepare(job)
+    if not isinstance(prepared, Prepared):
+        return Refused(source.name, prepared.message if isinstance(prepared, Refused) else "")
+    return _Batch(
+        (prepared.document,),
+        prepared.words,
+        np.array([0, len(prepared.words)]),
+        untrusted_mask(prepared.document),
+        prepared.assumed_rate,
+    )
+
+
+def _annotate(work: _Work, item: Source | _Batch) -> _Done | Refused:
+    """Annotate a motion file or documents of a store; runs in any process."""
+    batch = _read_file(work, item) if isinstance(item, Source) else item
+    if isinstance(batch, Refused):
+        return batch
+    find = _path_annotations if work.options.method == "path" else _hit_annotations
+    return _Done(
+        annotations=tuple(find(work, batch)),
+        documents=tuple(document.name for document in batch.documents),
+        frames=len(batch.words),
+        assumed_rate=batch.assumed_rate,
+    )
+
+
+def _path_annotations(work: _Work, batch: _Batch) -> Iterator[Annotation]:
+    bank = loop_bank(
+        [template.matrix for template in work.templates],
+        [template.label for template in work.templates],
+        rate=work.rate,
+        trusted=((1 << len(work.feature_set.ids)) - 1) & ~batch.untrusted,
+    )
+    unknown = None if work.options.fill else UNKNOWN_COST
+    spans = zip(batch.documents, itertools.pairwise(batch.bounds.tolist()), strict=True)
+    for document, (start, stop) in spans:
+        for found in annotate_words(batch.words[start:stop], bank, unknown_cost=unknown):
+            hit = make_hit(document, found.start, found.end, work.rate, found.cost, found.label)
+            yield Annotation(hit, found.repetitions)
+
+
+def _hit_annotations(work: _Work, batch: _Batch) -> Iterator[Annotation]:
+    found: dict[int, list[tuple[int, int, float, float, int]]] = {}
+    for number, template in enumerate(work.templates):
+        tau = template.threshold if work.options.tau is None else work.options.tau
+        quantised = quantise(template.matrix, template.delta).without(batch.untrusted)
+        hits = find_hits(match_documents(quantised, batch.words, batch.bounds), tau)
+        columns = (hits.documents, hits.starts, hits.ends, hits.costs)
+        for document, start, end, cost in zip(*(c.tolist() for c in columns), strict=True):
+            # A threshold of 0 has no hits, so the ratio is always there.
+            found.setdefault(document, []).append((start, end, cost, cost / tau, number))
+    for document, rows in found.items():
+        starts, ends, _, ratios, classes = (np.array(column) for column in zip(*rows, strict=True))
+        beaten = np.zeros(len(rows), dtype=np.bool_)
+        if work.options.overlap == "rivals":
+            beaten = beaten_by_rivals(starts, ends, ratios, classes)
+        for (start, end, cost, _, number), lost in zip(rows, beaten.tolist(), strict=True):
+            if not lost:
+                label = work.templates[number].label
+                record = batch.documents[document]
+                yield Annotation(make_hit(record, start, end, work.rate, cost, label), 1.0)
+
+
+def _gathered(
+    outcomes: Iterable[_Done | Refused],
+    rate: float,
+    options: AnnotateOptions,
+    total: int,
+    progress: Callable[[int, int], None] | None,
+) -> Annotated:
+    annotations: list[Annotation] = []
+    refused: list[Refused] = []
+    assumed_rate: list[str] = []
+    documents = frames = 0
+    for outcome in outcomes:
+        if isinstance(outcome, Refused):
+            if not options.skip_bad:
+                raise FormatError(f"{outcome.message} (--skip-bad passes over such files)")
+            refused.append(outcome)
+        else:
+            annotations.extend(outcome.annotations)
+            documents += len(outcome.documents)
+            frames += outcome.frames
+            if outcome.assumed_rate:
+                assumed_rate.extend(outcome.documents)
+        if progress is not None:
+            progress(documents + len(refused), total)
+    annotations.sort(
+        key=lambda a: (a.hit.document, a.hit.start_frame, a.hit.end_frame, a.hit.label)
+    )
+    return Annotated(
+        tuple(annotations), documents, frames, rate, tuple(refused), tuple(assumed_rate)
+    )
