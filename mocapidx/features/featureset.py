@@ -4,9 +4,8 @@ import json
 import re
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from hashlib import blake2b
-from importlib.resources import files
 from pathlib import Path
 from typing import Final, TypeAlias
 
@@ -28,12 +27,13 @@ __all__ = [
 ]
 
 MAX_BYTES: Final = 1 << 20
+SETS: Final = Path(__file__).parent / "sets"
 
 # Part of every digest: raise it when a formula changes, so that older stores are told apart.
 DEFINITIONS: Final = 1
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class FeatureSet:
     """An ordered set of features; feature i is bit i of a feature word.
 
@@ -47,16 +47,17 @@ class FeatureSet:
         At most 64, and at most 31 of one part.
     text : str
         The TOML text that it was read from.
-    digest : str
-        BLAKE2b of all that decides the bits, in hexadecimal: comments, layout, names and
-        source don't count.
     """
 
     name: str
     source: str
     features: tuple[Feature, ...]
     text: str
-    digest: str
+
+    @cached_property
+    def digest(self) -> str:
+        """BLAKE2b of all that decides the bits, in hexadecimal; not comments, names, source."""
+        return _digest(self.features)
 
     @property
     def ids(self) -> tuple[str, ...]:
@@ -137,14 +138,12 @@ def load_feature_set(name_or_path: AnyFeatureSet) -> FeatureSet:
 
 def shipped_sets() -> tuple[str, ...]:
     """Return the names of the sets that come with mocapidx."""
-    folder = files("mocapidx.features") / "sets"
-    names = (entry.name for entry in folder.iterdir())
-    return tuple(sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml")))
+    return tuple(sorted(path.stem for path in SETS.glob("*.toml")))
 
 
 @lru_cache
 def _load_shipped(name: str) -> FeatureSet:
-    text = (files("mocapidx.features") / "sets" / f"{name}.toml").read_text(encoding="utf-8")
+    text = (SETS / f"{name}.toml").read_text(encoding="utf-8")
     return parse_feature_set(text, f"{name}.toml")
 
 
@@ -190,9 +189,7 @@ def parse_feature_set(text: str, where: str = "feature set") -> FeatureSet:
         the feature and the key.
     """
     name, source, features = read_document(text, where)
-    return FeatureSet(
-        name=name, source=source, features=features, text=text, digest=_digest(features)
-    )
+    return FeatureSet(name=name, source=source, features=features, text=text)
 
 
 def _digest(features: Iterable[Feature]) -> str:

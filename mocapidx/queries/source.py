@@ -91,7 +91,7 @@ class PartSource:
         owners = np.repeat(np.arange(len(steps)), [len(step.cubes) for step in steps])
         masks = part_words(np.concatenate([step.masks for step in steps]), self.mask)
         values = part_words(np.concatenate([step.values for step in steps]), self.mask)
-        for mask in np.unique(masks):  # as a rule one, or two
+        for mask in sorted(set(masks.tolist())):  # as a rule one, or two
             alike = masks == mask
             keys = directory & mask
             order = np.argsort(keys, kind="stable")

@@ -86,8 +86,9 @@ class FuzzySet:
         if len(self.cubes) == 1:
             return np.asarray(words & self.masks[0] == self.values[0])
         inside = np.zeros(len(words), np.bool_)
-        for mask in np.unique(self.masks):
-            inside |= np.isin(words & mask, self.values[self.masks == mask])
+        for mask in sorted({mask for mask, _ in self.cubes}):
+            values = self.values[self.masks == np.uint64(mask)]
+            inside |= np.isin(words & np.uint64(mask), values)
         return inside
 
 

@@ -318,5 +318,5 @@ def _prune(known: Mapping[str, Document], writer: Writer, summary: IndexSummary)
 
 
 def _merge(writer: Writer, files: Sequence[SegmentFile]) -> None:
-    feature_set = store_feature_set(writer.snapshot)
+    feature_set = store_feature_set(writer.snapshot, checked=True)
     writer.replace(merged_batch(writer.snapshot, files, feature_set), files)

@@ -5,9 +5,11 @@ from typing import Final
 
 import numpy as np
 
+from mocapidx.errors import FeatureSetError, StoreError
 from mocapidx.features.featureset import PARTS, FeatureSet, parse_feature_set
 from mocapidx.index.build import first_positions
 from mocapidx.index.postings import InvertedLists, open_index
+from mocapidx.printable import shown
 from mocapidx.queries.evaluate import DocumentGroup
 from mocapidx.queries.source import PartSource, Source
 from mocapidx.store.manifest import Document, SegmentFile
@@ -18,16 +20,39 @@ __all__ = ["document_groups", "segment_source", "store_feature_set", "untrusted_
 UNTRUSTED: Final = "untrusted"
 """Key of a document's rig: the mask of features not trusted in it, in hexadecimal."""
 
+WORD: Final = (1 << 64) - 1
 
-def store_feature_set(snapshot: Snapshot) -> FeatureSet:
+
+def store_feature_set(snapshot: Snapshot, *, checked: bool = False) -> FeatureSet:
     """Give the feature set that a store was made with.
+
+    Parameters
+    ----------
+    snapshot : Snapshot
+    checked : bool
+        Compare its digest too, which takes as long as reading it; whoever writes or verifies
+        wants to know.
+
+    Returns
+    -------
+    FeatureSet
 
     Raises
     ------
-    FeatureSetError
-        If its text can't be understood.
+    StoreError
+        If its text can't be understood, or means something else to this version.
     """
-    return parse_feature_set(snapshot.manifest.settings.feature_set_text, str(snapshot.path))
+    settings, place = snapshot.manifest.settings, shown(snapshot.path)
+    try:
+        feature_set = parse_feature_set(settings.feature_set_text, settings.feature_set_name)
+    except FeatureSetError as exc:
+        raise StoreError(f"{place}: {exc}; index the sources into a new store") from exc
+    if checked and feature_set.digest != settings.feature_set_digest:
+        raise StoreError(
+            f"{place}: the feature set {shown(settings.feature_set_name)} means something else to "
+            "this version of mocapidx; index the sources into a new store"
+        )
+    return feature_set
 
 
 def segment_source(snapshot: Snapshot, file: SegmentFile, feature_set: FeatureSet) -> Source:
@@ -89,4 +114,9 @@ def document_groups(file: SegmentFile) -> list[DocumentGroup]:
 
 def untrusted_mask(document: Document) -> int:
     """Give the mask of the features that are not trusted in a document."""
-    return int(document.rig.get(UNTRUSTED, "0"), 16)
+    try:
+        return int(document.rig.get(UNTRUSTED, "0"), 16) & WORD
+    except (TypeError, ValueError) as exc:
+        raise StoreError(
+            f"{shown(document.name)}: its features to be trusted are not told; index it again"
+        ) from exc

@@ -8,17 +8,17 @@ from typing import Final
 
 import numpy as np
 
-from mocapidx.errors import FeatureSetError, StoreError
-from mocapidx.features.featureset import PARTS, FeatureSet, parse_feature_set
+from mocapidx.features.featureset import PARTS, FeatureSet
 from mocapidx.index.build import build_runs
 from mocapidx.index.postings import encode_index
 from mocapidx.store.files import DamagedError
 from mocapidx.store.manifest import SegmentFile
 from mocapidx.store.read import Snapshot, read_manifest
-from mocapidx.store.schema import MANIFEST, SEGMENTS
+from mocapidx.store.schema import SEGMENTS
 from mocapidx.store.verify import Problem, check_blocks, check_digests, check_schemas
 from mocapidx.store.write import writing
 from mocapidx.tasks.batch import merged_batch
+from mocapidx.tasks.segment_sources import store_feature_set
 
 __all__ = ["VerifyReport", "verify_store"]
 
@@ -121,7 +121,7 @@ def _repair(
         rebuilt = []
         for file in before.files:
             if file.number in stale:
-                batch = merged_batch(before, [file], _feature_set(before))
+                batch = merged_batch(before, [file], store_feature_set(before, checked=True))
                 after = writer.replace(batch, [file])
                 rebuilt.append(path / SEGMENTS / after.files[-1].names[1])
     sources = sorted(
@@ -157,7 +157,7 @@ def _problems(snapshot: Snapshot, quick: bool, report: Callable[[int, int], None
         found += check_digests(snapshot.path, [file])
     if not quick:
         found += check_schemas(snapshot.path, _sound(snapshot.files, found))
-        feature_set = _feature_set(snapshot)
+        feature_set = store_feature_set(snapshot, checked=True)
         for done, file in enumerate(_sound(snapshot.files, found), start=total):
             report(done, 2 * total)
             found += _contents(snapshot, file, feature_set, {problem.name for problem in found})
@@ -203,18 +203,3 @@ def _relations(
                 yield Problem(file.number, idx_name, "its lists are not those of the runs")
     except DamagedError as exc:
         yield Problem(file.number, exc.name, exc.what)
-
-
-def _feature_set(snapshot: Snapshot) -> FeatureSet:
-    """Read the store's own feature set; one that isn't what the manifest says is damage."""
-    settings, place = snapshot.manifest.settings, snapshot.path / MANIFEST
-    try:
-        feature_set = parse_feature_set(settings.feature_set_text, str(place))
-    except FeatureSetError as exc:
-        raise StoreError(f"{exc}; index the sources into a new store") from exc
-    if feature_set.digest != settings.feature_set_digest:
-        raise StoreError(
-            f"{place}: its feature set {settings.feature_set_name!r} does not match its digest; "
-            "made by another version, so index the sources into a new store"
-        )
-    return feature_set
