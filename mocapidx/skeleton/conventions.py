@@ -251,11 +251,18 @@ def _choose_positions(
 
 
 def _nearest_unit(leg: float) -> float:
-    """Return the unit that makes a leg most like an adult's."""
+    """Return the unit that makes a leg most like an adult's.
+
+    Where none does, shorter ones may be a child's; longer ones are nobody's.
+    """
     if not leg > 0:
         return 1.0
-    middle = np.sqrt(SHORTEST_LEG * LONGEST_LEG)
-    return min(LENGTHS.values(), key=lambda unit: abs(np.log(leg * unit / middle)))
+
+    def oddness(unit: float) -> float:
+        shorter, longer = SHORTEST_LEG / (leg * unit), leg * unit / LONGEST_LEG
+        return max(0.0, float(np.log(shorter)), 3 * float(np.log(longer)))
+
+    return min(LENGTHS.values(), key=oddness)
 
 
 def _up(poses: FloatArray) -> Up:

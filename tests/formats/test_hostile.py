@@ -45,13 +45,18 @@ def damaged(draw, text):
 
 def one_line_at_worst(read, path):
     begin = time.process_time()
+    message = message_of(read, path)
+    assert time.process_time() - begin < 1
+    assert message.isprintable()
+    assert len(message) < 600
+
+
+def message_of(read, path):
     try:
         read(path)
     except MocapidxError as exc:
-        assert "\n" not in str(exc)
-        assert str(exc).isprintable()
-        assert len(str(exc)) < 600
-    assert time.process_time() - begin < 1
+        return str(exc)
+    return ""
 
 
 hostile = settings(
@@ -64,7 +69,7 @@ hostile = settings(
 def test_a_damaged_bvh_gives_one_line(tmp_path, data):
     path = tmp_path / "take.bvh"
     path.write_bytes(data)
-    one_line_at_worst(lambda p: read_recording(p), path)
+    one_line_at_worst(read_recording, path)
 
 
 @hostile
@@ -81,7 +86,7 @@ def test_a_damaged_amc_gives_one_line(tmp_path, data):
     path = tmp_path / "take.amc"
     path.write_bytes(data)
     (tmp_path / "small.asf").write_text(ASF)
-    one_line_at_worst(lambda p: read_recording(p), path)
+    one_line_at_worst(read_recording, path)
 
 
 @hostile
@@ -90,7 +95,7 @@ def test_a_damaged_asf_gives_one_line(tmp_path, data):
     path = tmp_path / "take.amc"
     path.write_text(AMC)
     (tmp_path / "small.asf").write_bytes(data)
-    one_line_at_worst(lambda p: read_recording(p), path)
+    one_line_at_worst(read_recording, path)
 
 
 HUGE = {
@@ -104,7 +109,7 @@ HUGE = {
     "one long row": ("x.bvh", BVH[: BVH.index("0 3 0")] + "0 " * 490_000),
     "many frame numbers": ("x.amc", "".join(f"{i}\n" for i in range(1, 140_000))),
     "many doubled bones": ("x.amc", "1\n" + "root 0 0 0 0 0 0\n" * 58_000),
-    "many frames out of order": ("x.amc", AMC + "thigh 0 0 0\nshank 0\n1\nroot 0 0 0 0 0 0\n" * 20_000),
+    "many frames out of order": ("x.amc", AMC + "thigh 0 0 0\n1\nroot 0 0 0 0 0 0\n" * 20_000),
     "a long header": ("x.amc", "# remark\n" * 110_000),
     "a number of a million digits": ("x.bvh", BVH.replace("-90.25", "9" * 990_000)),
     "a bone with a long name": ("x.amc", AMC + "4\n" + "r" * 990_000),
@@ -117,23 +122,14 @@ def test_a_megabyte_of_nonsense_takes_neither_time_nor_memory(tmp_path, kind):
     path = tmp_path / name
     path.write_text(text)
     (tmp_path / "small.asf").write_text(ASF)
-    begin = time.process_time()
-    with pytest.raises(FormatError) if "blank" not in kind else pytest.MonkeyPatch.context():
-        read_recording(path)
-    assert time.process_time() - begin < 1
+    one_line_at_worst(read_recording, path)
     tracemalloc.start()
     try:
-        one_line_at_worst_memory(path)
+        message = message_of(read_recording, path)
         assert tracemalloc.get_traced_memory()[1] < 200e6
     finally:
         tracemalloc.stop()
-
-
-def one_line_at_worst_memory(path):
-    try:
-        read_recording(path)
-    except FormatError as exc:
-        assert len(str(exc)) < 600
+    assert bool(message) == (kind != "many blank lines")
 
 
 @pytest.mark.parametrize("value", ["1e12", "-1e300"])

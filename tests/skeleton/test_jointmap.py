@@ -19,12 +19,14 @@ def sides(*names):
     return [name.replace("#", side) for name in names for side in ("Left", "Right")]
 
 
-HUMANIK = ["Hips", "Spine", "Neck", "Head"] + sides(
-    "#UpLeg", "#Leg", "#Foot", "#Shoulder", "#Arm", "#ForeArm", "#Hand"
-)
-XSENS = ["Hips", "Chest", "Chest2", "Chest3", "Chest4", "Neck", "Head"] + sides(
-    "#Hip", "#Knee", "#Ankle", "#Toe", "#Collar", "#Shoulder", "#Elbow", "#Wrist"
-)
+HUMANIK = [
+    *("Hips", "Spine", "Neck", "Head"),
+    *sides("#UpLeg", "#Leg", "#Foot", "#Shoulder", "#Arm", "#ForeArm", "#Hand"),
+]
+XSENS = [
+    *("Hips", "Chest", "Chest2", "Chest3", "Chest4", "Neck", "Head"),
+    *sides("#Hip", "#Knee", "#Ankle", "#Toe", "#Collar", "#Shoulder", "#Elbow", "#Wrist"),
+]
 BIPED = [f"Bip01 {n}" for n in ("Pelvis", "Spine", "Spine1", "Neck", "Head")] + [
     f"Bip01 {s} {n}"
     for s in "LR"

@@ -1,0 +1,29 @@
+import pytest
+
+from mocapidx.printable import shown
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("walk 01.bvh", "walk 01.bvh"),
+        ("Müller 歩く", "Müller 歩く"),
+        ("\x1b[2J\x07", "\\x1b[2J\\x07"),
+        ("a\nb\tc\rd\0", "a\\nb\\tc\\rd\\x00"),
+        ("\x9b31m", "\\x9b31m"),
+        ("\u202eabc\u2066", "\\u202eabc\\u2066"),
+        ("\u200b\u2028\U000e0001", "\\u200b\\u2028\\U000e0001"),
+        ("f\udcfcr", "f\\xfcr"),
+        ("\ud800", "\\ud800"),
+        ("\xa0", "\\xa0"),
+    ],
+)
+def test_nothing_unprintable_is_left(text, expected):
+    assert shown(text) == expected
+    assert shown(text).isprintable()
+
+
+def test_long_names_lose_their_middle():
+    short = shown("a" * 50 + "b" * 50, longest=21)
+    assert short == "a" * 9 + "..." + "b" * 9
+    assert shown("a" * 500, longest=None) == "a" * 500
