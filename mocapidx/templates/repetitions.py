@@ -33,7 +33,7 @@ SHORTEST_PERIOD = 0.4  # seconds
 LONGEST_PERIOD = 5.0  # seconds
 MOST_CANDIDATES = 12
 TOLERATED_FACTOR, TOLERATED_GAP = 1.15, 0.003  # a shorter period may be this much worse
-MOST_LEFT = 0.75  # share of the differences within a motion that its period may leave unexplained
+MOST_LEFT = 0.6  # share of the differences within a motion that its period may leave unexplained
 SHORTEST_PASS = 4  # frames
 LEAST_PHASES = 0.6  # share of the template that a pass must cover
 ROUNDS = 3
@@ -98,7 +98,7 @@ def find_period(words: WordArray, features: int, rate: float = 30.0) -> int | No
     Returns
     -------
     int or None
-        In frames; None if there is no candidate, or if looping explains less than a quarter of
+        In frames; None if there is no candidate, or if looping explains less than two fifths of
         the differences between any two frames.
     """
     longest = min(round(LONGEST_PERIOD * rate), 2 * len(words) // 3)

@@ -1,10 +1,15 @@
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mocapidx.errors import ParameterError
+from mocapidx.features.extract import extract_features
 from mocapidx.features.words import pack_words
+from mocapidx.tasks.read import read_motion
+from mocapidx.templates.path import annotate_words, loop_bank
 from mocapidx.templates.repetitions import (
     cut_passes,
     find_period,
@@ -132,3 +137,49 @@ def test_nothing_to_learn_from_is_refused():
         learn_repetitions([])
     with pytest.raises(ParameterError, match="at least 3 frames"):
         learn_repetitions([np.zeros((2, 4), dtype=bool)])
+
+
+EXERCISES = [
+    "JumpJack",
+    "Jog",
+    "Squat",
+    "KneeRaise",
+    "ArmCircle",
+    "Twist",
+    "SideReach",
+    "Box",
+    "UpDown",
+    "ToeTouchOneHand",
+    "SideBend",
+    "ToeTouchTwoHands",
+]
+
+
+def exercise(real_data, name):
+    """Features of a take at 30 Hz, and the label of each frame."""
+    path = real_data / "exercises" / f"{name}.amc"
+    if not path.is_file():
+        pytest.skip("the exercise takes are not there")
+    numbers = path.with_suffix(".labels.txt").read_text().split()
+    features = extract_features(read_motion(path))
+    labels = np.repeat([EXERCISES[int(number) - 1] for number in numbers], 3)
+    return features[: len(labels)], labels[: len(features)]
+
+
+@pytest.mark.parametrize(("train", "test"), [("13_29", "13_30"), ("13_30", "13_29")])
+def test_a_take_is_annotated_by_what_was_learned_from_another(real_data, train, test):
+    features, labels = exercise(real_data, train)
+    matrices, names = [], []
+    edges = [0, *(np.flatnonzero(labels[1:] != labels[:-1]) + 1).tolist(), len(labels)]
+    for start, end in itertools.pairwise(edges):
+        learned = learn_repetitions([features[start:end]])
+        for one in (*learned.stretches, learned.combined):
+            matrices.append(one.matrix)
+            names.append(labels[start])
+    features, labels = exercise(real_data, test)
+    found = np.full(len(labels), "", dtype=object)
+    bank = loop_bank(matrices, names)
+    for occurrence in annotate_words(pack_words(features), bank, unknown_cost=None):
+        found[occurrence.start : occurrence.end] = occurrence.label
+    learnable = np.isin(labels, names)
+    assert (found == labels)[learnable].mean() >= 0.93
