@@ -117,8 +117,8 @@ class IndexSummary:
 
 
 def index_files(
-    inputs: Sequence[Path],
-    store: Path,
+    inputs: Sequence[str | Path],
+    store: str | Path,
     options: IndexOptions | None = None,
     *,
     progress: Callable[[IndexProgress], None] | None = None,
@@ -132,9 +132,9 @@ def index_files(
 
     Parameters
     ----------
-    inputs : sequence of Path
+    inputs : sequence of str or Path
         Motion files and folders.
-    store : Path
+    store : str or Path
         Made if it does not exist.
     options : IndexOptions, optional
     progress : callable, optional
@@ -152,11 +152,11 @@ def index_files(
         If a file can't be used and ``skip_bad`` is off; earlier batches stay.
     ParameterError, StoreError, LockedError, WriteError
     """
-    options = options or IndexOptions()
+    options, store = options or IndexOptions(), Path(store)
     started = time.perf_counter()
     feature_set = load_feature_set(options.feature_set)
     check_writable(store)
-    sources, passed_over = find_sources(inputs, options.root)
+    sources, passed_over = find_sources([Path(given) for given in inputs], options.root)
     summary = IndexSummary(passed_over=passed_over)
     settings = StoreSettings(
         options.rate, feature_set.name, feature_set.digest, feature_set.text, options.poses
@@ -193,13 +193,13 @@ def index_files(
 
 
 def compact_store(
-    store: Path, *, lock_timeout: float = 0.0, use_lock: bool = True
+    store: str | Path, *, lock_timeout: float = 0.0, use_lock: bool = True
 ) -> tuple[int, int]:
     """Merge the segment files of a store into one and drop what was removed.
 
     Parameters
     ----------
-    store : Path
+    store : str or Path
     lock_timeout : float
         Seconds to wait for another writer.
     use_lock : bool
@@ -214,7 +214,9 @@ def compact_store(
     ------
     StoreError, LockedError, WriteError
     """
-    with writing(store, command="compact", lock_timeout=lock_timeout, use_lock=use_lock) as writer:
+    with writing(
+        Path(store), command="compact", lock_timeout=lock_timeout, use_lock=use_lock
+    ) as writer:
         files = writer.snapshot.files
         if len(files) > 1 or any(not entry.live for file in files for entry in file.documents):
             _merge(writer, files)

@@ -17,12 +17,12 @@ from mocapidx.tasks.segment_sources import segment_source, store_feature_set, un
 __all__ = ["document_info", "store_info"]
 
 
-def store_info(store: Path) -> Record:
+def store_info(store: str | Path) -> Record:
     """Count what a store holds.
 
     Parameters
     ----------
-    store : Path
+    store : str or Path
 
     Returns
     -------
@@ -34,7 +34,7 @@ def store_info(store: Path) -> Record:
     ------
     StoreError
     """
-    with open_store(store) as snapshot:
+    with open_store(Path(store)) as snapshot:
         feature_set = store_feature_set(snapshot)
         settings = snapshot.manifest.settings
         documents = snapshot.documents()
@@ -76,12 +76,12 @@ def _part_facts(snapshot: Snapshot, feature_set: FeatureSet, part: str) -> dict[
     }
 
 
-def document_info(store: Path, name: str) -> Record:
+def document_info(store: str | Path, name: str) -> Record:
     """Tell what is known of one document.
 
     Parameters
     ----------
-    store : Path
+    store : str or Path
     name : str
         The document's name.
 
@@ -97,7 +97,7 @@ def document_info(store: Path, name: str) -> Record:
         If there is no such document.
     StoreError
     """
-    with open_store(store) as snapshot:
+    with open_store(Path(store)) as snapshot:
         entry = _find(snapshot, name)
         document = entry.document
         feature_set = store_feature_set(snapshot)

@@ -90,8 +90,8 @@ def parse_example(text: str) -> Example:
 
 
 def query_store(
-    store: Path,
-    example: str | Example,
+    store: str | Path,
+    example: str | Path | Example,
     *,
     select: str = "all",
     mode: str = "adaptive",
@@ -103,8 +103,8 @@ def query_store(
 
     Parameters
     ----------
-    store : Path
-    example : str or Example
+    store : str or Path
+    example : str, Path or Example
         As text: ``FILE`` or ``FILE@START:END``.
     select : str
         The features that count, as in `FeatureSet.select`.
@@ -127,9 +127,10 @@ def query_store(
         If the example can't be used.
     ParameterError, StoreError
     """
-    example = parse_example(example) if isinstance(example, str) else example
+    if not isinstance(example, Example):
+        example = parse_example(str(example))
     remarks: list[str] = []
-    with open_store(store) as snapshot:
+    with open_store(Path(store)) as snapshot:
         feature_set = store_feature_set(snapshot)
         rate = snapshot.manifest.settings.rate
         mask = feature_set.select(select)

@@ -53,7 +53,7 @@ class VerifyReport:
 
 
 def verify_store(
-    path: Path,
+    path: str | Path,
     *,
     quick: bool = False,
     repair: bool = False,
@@ -65,7 +65,7 @@ def verify_store(
 
     Parameters
     ----------
-    path : Path
+    path : str or Path
         Folder of the store.
     quick : bool
         Compare sizes and digests of whole files only. Otherwise also every dataset's blocks
@@ -96,6 +96,7 @@ def verify_store(
     ----------
     .. [1] Mueller, Roeder, Clausen, SIGGRAPH 2005, section 5.1, for what the lists hold.
     """
+    path = Path(path)
     report = progress or (lambda done, total: None)
     if repair:
         return _repair(path, quick, lock_timeout, use_lock, report)
