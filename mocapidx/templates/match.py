@@ -2,6 +2,7 @@
 
 from bisect import bisect_left, insort
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +28,7 @@ __all__ = [
     "local_minima",
     "lowest_costs",
     "match_documents",
+    "merge_hits",
 ]
 
 SHARED = 0.5
@@ -230,22 +232,74 @@ def find_hits(
     minima = local_minima(matching.costs, matching.bounds)
     minima = minima[matching.costs[minima] < tau]
     minima = minima[np.argsort(matching.costs[minima], kind="stable")]
-    longest = 2 * len(matching.quantised.ones)
-    kept: dict[int, list[tuple[int, int]]] = defaultdict(list)
-    found: list[tuple[float, int, int, int]] = []
+    kept = _Kept(shared)
     while len(minima):
-        some, minima = np.split(minima, [CANDIDATES + 3 * len(found)])
+        some, minima = np.split(minima, [CANDIDATES + 3 * len(kept.found)])
         documents, starts, ends = _intervals(matching, some)
-        for cost, document, start, end in zip(
+        for candidate in zip(
             *(column.tolist() for column in (matching.costs[some], documents, starts, ends)),
             strict=True,
         ):
-            if top is not None and len(found) >= top and cost > found[top - 1][0]:
-                return _as_hits(found)
-            if not _crowded(kept[document], start, end, longest, shared):
-                insort(kept[document], (start, end))
-                found.append((cost, document, start, end))
-    return _as_hits(found)
+            if top is not None and len(kept.found) >= top and candidate[0] > kept.found[top - 1][0]:
+                return kept.hits()
+            kept.offer(*candidate)
+    return kept.hits()
+
+
+def merge_hits(several: Sequence[Hits], shared: float = SHARED) -> Hits:
+    """Put the hits of several templates of one class together, best first.
+
+    Parameters
+    ----------
+    several : sequence of Hits
+        In the same documents.
+    shared : float
+        As for `find_hits`.
+
+    Returns
+    -------
+    Hits
+    """
+    kept = _Kept(shared)
+    columns = ("costs", "documents", "starts", "ends")
+    arrays = [np.concatenate([getattr(hits, name) for hits in several]) for name in columns]
+    for candidate in sorted(zip(*(array.tolist() for array in arrays), strict=True)):
+        kept.offer(*candidate)
+    return kept.hits()
+
+
+class _Kept:
+    """The hits kept so far; candidates are offered best first."""
+
+    def __init__(self, shared: float) -> None:
+        self.found: list[tuple[float, int, int, int]] = []
+        self._shared = shared
+        self._longest = 0
+        self._by_document: dict[int, list[tuple[int, int]]] = defaultdict(list)
+
+    def offer(self, cost: float, document: int, start: int, end: int) -> None:
+        """Keep a hit unless a better one covers too much of it, or it of a better one."""
+        intervals = self._by_document[document]
+        first = bisect_left(intervals, (start - self._longest, 0))
+        near = intervals[first : bisect_left(intervals, (end, 0))]
+        for other_start, other_end in near:
+            common = min(end, other_end) - max(start, other_start)
+            if common > self._shared * min(end - start, other_end - other_start):
+                return
+        insort(intervals, (start, end))
+        self._longest = max(self._longest, end - start)
+        self.found.append((cost, document, start, end))
+
+    def hits(self) -> Hits:
+        """Give what was kept, by cost, then document, then start."""
+        rows = sorted(self.found)
+        costs, documents, starts, ends = zip(*rows, strict=True) if rows else ((), (), (), ())
+        return Hits(
+            np.array(documents, dtype=np.int64),
+            np.array(starts, dtype=np.int64),
+            np.array(ends, dtype=np.int64),
+            np.array(costs, dtype=np.float32),
+        )
 
 
 def _intervals(matching: Matching, frames: IndexArray) -> tuple[IndexArray, IndexArray, IndexArray]:
@@ -267,26 +321,3 @@ def _intervals(matching: Matching, frames: IndexArray) -> tuple[IndexArray, Inde
     )
     starts = np.clip(laid_starts - matching.laid_first[documents], 0, ends)
     return documents, starts, ends + 1
-
-
-def _crowded(
-    kept: list[tuple[int, int]], start: int, end: int, longest: int, shared: float
-) -> bool:
-    """Tell whether a better hit covers too much of this one, or this one of it."""
-    near = kept[bisect_left(kept, (start - longest, 0)) : bisect_left(kept, (end, 0))]
-    return any(
-        min(end, other_end) - max(start, other_start)
-        > shared * min(end - start, other_end - other_start)
-        for other_start, other_end in near
-    )
-
-
-def _as_hits(found: list[tuple[float, int, int, int]]) -> Hits:
-    ordered = sorted(found)
-    costs, documents, starts, ends = zip(*ordered, strict=True) if ordered else ((), (), (), ())
-    return Hits(
-        np.array(documents, dtype=np.int64),
-        np.array(starts, dtype=np.int64),
-        np.array(ends, dtype=np.int64),
-        np.array(costs, dtype=np.float32),
-    )

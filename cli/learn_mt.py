@@ -1,0 +1,143 @@
+"""The command `learn-mt`."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from mocapidx.tasks.learn import LearnedClass
+
+from .options import jobs_option, quiet_option, store_argument
+from .rows import note
+
+__all__ = ["learn_mt"]
+
+REPETITIONS = ("none", "auto")
+
+
+@click.command("learn-mt")
+@store_argument
+@click.option(
+    "--labels",
+    type=click.Path(path_type=Path),
+    metavar="FILE.csv",
+    help="Labels: document,label and perhaps start_time,end_time (seconds),group.",
+)
+@click.option(
+    "--labels-from",
+    metavar="folder|REGEX",
+    help="Take labels from names: the folder, or (?P<label>...) in an expression.",
+)
+@click.option(
+    "--output", required=True, type=click.Path(path_type=Path), help="The template file to write."
+)
+@click.option(
+    "--class",
+    "classes",
+    multiple=True,
+    metavar="NAME",
+    help="Learn only this class; may be given more than once.  [default: all labels]",
+)
+@click.option(
+    "--repetitions",
+    type=click.Choice(REPETITIONS),
+    default="none",
+    show_default=True,
+    help="Each label covers one repetition, or an unknown number of them.",
+)
+@click.option(
+    "--delta",
+    type=click.FloatRange(0, 0.5, min_open=True, max_open=True),
+    default=0.1,
+    show_default=True,
+    help="Share of examples that may disagree about an entry that still counts.",
+)
+@click.option(
+    "--background",
+    type=click.Path(path_type=Path),
+    metavar="STORE",
+    help="Unlabelled motion without the classes, for their thresholds.",
+)
+@jobs_option
+@quiet_option
+def learn_mt(
+    store: Path,
+    labels: Path | None,
+    labels_from: str | None,
+    output: Path,
+    classes: tuple[str, ...],
+    repetitions: Any,
+    delta: float,
+    background: Path | None,
+    jobs: int,
+    quiet: bool,
+) -> None:
+    """Learn one motion template for each label from the documents of STORE.
+
+    The class's own threshold is learned from its examples and from those of the other labels.
+
+    \b
+    Example:
+      mocapidx learn-mt takes.store --labels labels.csv --output sports.h5
+    """
+    from mocapidx.tasks.learn import LearnOptions, find_labels, learn_classes, save_learning
+
+    options = LearnOptions(
+        classes=classes,
+        repetitions=repetitions,
+        delta=delta,
+        background=background,
+        jobs=jobs,
+    )
+    with Bar(hidden=quiet or not sys.stderr.isatty()) as bar:
+        learning = learn_classes(
+            store, find_labels(store, labels, labels_from), options, progress=bar.show
+        )
+    save_learning(learning, output)
+    for found in learning.classes:
+        note(sentence(found, learning.templates.rate), quiet)
+    for remark in learning.remarks:
+        note(f"Note: {remark}", quiet)
+    note(f"{output}: {len(learning.templates.templates)} templates", quiet)
+
+
+def sentence(found: "LearnedClass", rate: float) -> str:
+    """Say in one line what was learned of a class."""
+    template, threshold = found.template, found.threshold
+    text = f"{template.label}: {found.examples} examples"
+    if template.looping:
+        text += f" with {found.repetitions} repetitions"
+    text += f", {len(template.matrix) / rate:.2f} s, {template.passes} passes"
+    if threshold.tau is not None:
+        text += (
+            f", costs {threshold.positive_cost:.3f} against {threshold.background_cost:.3f}, "
+            f"threshold {threshold.tau:.3f}"
+        )
+    return text
+
+
+class Bar:
+    """A progress bar of classes."""
+
+    def __init__(self, hidden: bool) -> None:
+        self.hidden = hidden
+        self.bar: Any = None
+
+    def __enter__(self) -> "Bar":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.bar is not None:
+            self.bar.close()
+
+    def show(self, done: int, total: int) -> None:
+        """Move the bar; tqdm is imported with the first step, and only for a terminal."""
+        if self.hidden:
+            return
+        if self.bar is None:
+            from tqdm import tqdm
+
+            self.bar = tqdm(total=total, unit="class", file=sys.stderr)
+        self.bar.update(done - self.bar.n)

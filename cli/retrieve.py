@@ -1,0 +1,94 @@
+"""The command `retrieve`."""
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from .options import quiet_option, store_argument
+from .rows import note, print_rows, row_options
+
+__all__ = ["retrieve"]
+
+STEPS = ("weighted", "printed")
+
+
+@click.command()
+@store_argument
+@click.option(
+    "--templates",
+    required=True,
+    type=click.Path(path_type=Path),
+    help="Template file, from learn-mt.",
+)
+@click.option("--class", "label", required=True, metavar="NAME", help="The class to find.")
+@click.option(
+    "--tau",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="COST",
+    help="Hits cost less than this; rivals are then off.  [default: the class's own, else 0.06]",
+)
+@click.option(
+    "--delta",
+    type=click.FloatRange(0, 0.5, min_open=True, max_open=True),
+    help="Share of examples that may disagree about an entry that still counts."
+    "  [default: the template's]",
+)
+@click.option(
+    "--top", type=click.IntRange(min=1), metavar="N", help="Only the best N.  [default: all]"
+)
+@click.option(
+    "--steps",
+    type=click.Choice(STEPS),
+    default="weighted",
+    show_default=True,
+    help="Whether a match pays for what it passes over, or not, as printed in the paper.",
+)
+@click.option(
+    "--no-rivals",
+    "rivals",
+    flag_value=False,
+    default=True,
+    help="Keep hits that another class of the same file explains better.",
+)
+@click.option(
+    "--profile",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE.csv",
+    help="Write the distance function: document, frame, time (seconds), cost.",
+)
+@row_options
+@quiet_option
+def retrieve(
+    store: Path,
+    templates: Path,
+    label: str,
+    tau: float | None,
+    delta: float | None,
+    top: int | None,
+    steps: Any,
+    rivals: bool,
+    profile: Path | None,
+    row_format: str,
+    output: Path,
+    quiet: bool,
+) -> None:
+    """Find every occurrence of a motion class in STORE, best first.
+
+    A cost is the share of the consistent entries of the class's template that the motion
+    violates: 0 is perfect.
+
+    \b
+    Example:
+      mocapidx retrieve takes.store --templates sports.h5 --class squat --top 20
+    """
+    from mocapidx.tasks.records import HIT_COLUMNS, hit_record
+    from mocapidx.tasks.retrieve import RetrieveOptions
+    from mocapidx.tasks.retrieve import retrieve as retrieve_class
+
+    options = RetrieveOptions(tau=tau, delta=delta, top=top, steps=steps, rivals=rivals)
+    found = retrieve_class(store, templates, label, options, profile=profile)
+    for remark in found.remarks:
+        note(f"Note: {remark}", quiet)
+    records = [hit_record(hit, rank) for rank, hit in enumerate(found.hits, start=1)]
+    print_rows(records, row_format, output, HIT_COLUMNS)

@@ -1,0 +1,237 @@
+"""Find every occurrence of a motion class in a store, best first."""
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from mocapidx.alignment.subsequence import CostArray, Steps
+from mocapidx.durable import durable_replace
+from mocapidx.errors import ParameterError
+from mocapidx.model import Hit
+from mocapidx.printable import shown
+from mocapidx.store.read import open_store
+from mocapidx.tasks.hits import make_hit
+from mocapidx.tasks.records import render_records
+from mocapidx.tasks.store_words import WordBatch, check_store, store_batches
+from mocapidx.templates.file import load_templates
+from mocapidx.templates.match import Hits, Matching, find_hits, match_documents, merge_hits
+from mocapidx.templates.quantise import quantise
+from mocapidx.templates.template import TAU, MotionTemplate, TemplateSet
+from mocapidx.templates.thresholds import beaten_by_rivals
+
+__all__ = ["RetrieveOptions", "Retrieved", "retrieve"]
+
+PROFILE_COLUMNS: Final = ("document", "frame", "time", "cost")
+
+
+@dataclass(frozen=True, slots=True)
+class RetrieveOptions:
+    """How occurrences of a class are found.
+
+    Parameters
+    ----------
+    tau : float, optional
+        The threshold; default the class's own, else 0.06. Given, there are no rivals.
+    delta : float, optional
+        For quantising; default the template's.
+    top : int, optional
+        Keep the best only.
+    steps : {"weighted", "printed"}
+        Whether a match pays for the rows of the template that it passes over. With printed
+        steps, as in the paper, the ends of documents are not padded either.
+    rivals : bool
+        Drop a hit that another class of the same file explains better.
+
+    Raises
+    ------
+    ParameterError
+        If a value is out of its range.
+    """
+
+    tau: float | None = None
+    delta: float | None = None
+    top: int | None = None
+    steps: Steps = "weighted"
+    rivals: bool = True
+
+    def __post_init__(self) -> None:
+        if self.tau is not None and not (math.isfinite(self.tau) and self.tau > 0):
+            raise ParameterError(f"tau must be above 0, got {self.tau}")
+        if self.top is not None and self.top < 1:
+            raise ParameterError(f"top must be at least 1, got {self.top}")
+
+
+@dataclass(frozen=True, slots=True)
+class Retrieved:
+    """Occurrences of a class.
+
+    Parameters
+    ----------
+    hits : tuple of Hit
+        By cost, then document name, then start.
+    remarks : tuple of str
+        What a person should know about the answer, a sentence each.
+    """
+
+    hits: tuple[Hit, ...]
+    remarks: tuple[str, ...]
+
+
+def retrieve(
+    store: Path,
+    templates: Path | TemplateSet,
+    label: str,
+    options: RetrieveOptions | None = None,
+    *,
+    profile: Path | None = None,
+) -> Retrieved:
+    """Find every occurrence of a motion class in a store.
+
+    Parameters
+    ----------
+    store : Path
+    templates : Path or TemplateSet
+    label : str
+        The class.
+    options : RetrieveOptions, optional
+    profile : Path, optional
+        Write the distance function of every document to this file: CSV with the columns
+        document, frame, time (seconds) and cost, empty where no match can end.
+
+    Returns
+    -------
+    Retrieved
+
+    Raises
+    ------
+    ParameterError
+        If there is no such class.
+    StoreError
+        If the store or the template file is damaged, or they are of different feature sets or
+        rates.
+    WriteError
+        If the profile could not be written.
+    """
+    options = options or RetrieveOptions()
+    known = load_templates(templates) if isinstance(templates, Path) else templates
+    own = _class_templates(known, label)
+    rivals: tuple[MotionTemplate, ...] = ()
+    if options.rivals and options.tau is None:
+        others = (other for other in known.labels if other != label)
+        rivals = tuple(t for other in others for t in known.of(other) if t.kind == "class")
+    found: list[Hit] = []
+    curves: list[tuple[str, CostArray]] = []
+    with open_store(store) as snapshot:
+        check_store(snapshot, known)
+        for batch in store_batches(snapshot):
+            matchings = [_match(template, batch, options) for template in own]
+            hits = _hits(own, matchings, options, top=None if rivals else options.top)
+            if rivals and len(hits.costs):
+                hits = _unbeaten(hits, own, rivals, batch, options)
+            found += _described(hits, batch, known.rate, label)
+            if profile is not None:
+                curves += _curves(batch, matchings)
+    found.sort(key=lambda hit: (hit.cost, hit.document, hit.start_frame))
+    if profile is not None:
+        durable_replace(profile, _profile_chunks(curves, known.rate))
+    return Retrieved(tuple(found[: options.top]), tuple(_remarks(own, label, options)))
+
+
+def _class_templates(known: TemplateSet, label: str) -> tuple[MotionTemplate, ...]:
+    own = tuple(template for template in known.of(label) if template.kind == "class")
+    if not own:
+        raise ParameterError(f"'{shown(label)}' has templates of stretches only, none of the class")
+    return own
+
+
+def _match(template: MotionTemplate, batch: WordBatch, options: RetrieveOptions) -> Matching:
+    delta = template.delta if options.delta is None else options.delta
+    quantised = quantise(template.matrix, delta).without(batch.untrusted)
+    padded = options.steps == "weighted"  # the paper's own matching knows no padding
+    return match_documents(quantised, batch.words, batch.bounds, options.steps, padded)
+
+
+def _threshold(template: MotionTemplate, options: RetrieveOptions) -> float:
+    return template.threshold if options.tau is None else options.tau
+
+
+def _hits(
+    templates: Sequence[MotionTemplate],
+    matchings: Sequence[Matching],
+    options: RetrieveOptions,
+    top: int | None = None,
+) -> Hits:
+    several = [
+        find_hits(matching, _threshold(template, options), top=top)
+        for template, matching in zip(templates, matchings, strict=True)
+    ]
+    return several[0] if len(several) == 1 else merge_hits(several)
+
+
+def _unbeaten(
+    hits: Hits,
+    own: Sequence[MotionTemplate],
+    rivals: Sequence[MotionTemplate],
+    batch: WordBatch,
+    options: RetrieveOptions,
+) -> Hits:
+    """Drop the hits that rivals explain better; rivals are matched where there are hits."""
+    documents = np.unique(hits.documents)
+    place = batch.select(documents)
+    tau = min(_threshold(template, options) for template in own)
+    columns = [
+        (np.searchsorted(documents, hits.documents), hits.starts, hits.ends, hits.costs / tau)
+    ]
+    kinds = [np.zeros(len(hits.costs), dtype=np.int64)]
+    for kind, rival in enumerate(rivals, start=1):
+        theirs = _hits([rival], [_match(rival, place, options)], options)
+        ratios = theirs.costs / _threshold(rival, options)
+        columns.append((theirs.documents, theirs.starts, theirs.ends, ratios))
+        kinds.append(np.full(len(theirs.costs), kind))
+    numbers, starts, ends, ratios = map(np.concatenate, zip(*columns, strict=True))
+    # Laid end to end with room between them, hits of different documents never meet.
+    shift = np.concatenate(([0], np.cumsum(np.diff(place.bounds) + 1)))[numbers]
+    beaten = beaten_by_rivals(starts + shift, ends + shift, ratios, np.concatenate(kinds))
+    kept = ~beaten[: len(hits.costs)]
+    return Hits(hits.documents[kept], hits.starts[kept], hits.ends[kept], hits.costs[kept])
+
+
+def _described(hits: Hits, batch: WordBatch, rate: float, label: str) -> Iterator[Hit]:
+    columns = (hits.documents, hits.starts, hits.ends, hits.costs)
+    for number, start, end, cost in zip(*(c.tolist() for c in columns), strict=True):
+        yield make_hit(batch.documents[number], start, end, rate, cost, label)
+
+
+def _curves(batch: WordBatch, matchings: Sequence[Matching]) -> Iterator[tuple[str, CostArray]]:
+    lowest = np.minimum.reduce([matching.costs for matching in matchings])
+    spans = itertools.pairwise(batch.bounds.tolist())
+    for document, (start, stop) in zip(batch.documents, spans, strict=True):
+        yield document.name, lowest[start:stop]
+
+
+def _profile_chunks(curves: Sequence[tuple[str, CostArray]], rate: float) -> Iterator[bytes]:
+    """Give the profile as CSV, one document after the other in the order of their names."""
+    yield from (f"{line}\n".encode() for line in render_records([], "csv", PROFILE_COLUMNS))
+    for name, costs in sorted(curves, key=lambda curve: curve[0]):
+        rows = (
+            {"document": name, "frame": frame, "time": round(frame / rate, 6), "cost": cost}
+            for frame, cost in enumerate(map(_finite, costs.tolist()))
+        )
+        lines = itertools.islice(render_records(rows, "csv", PROFILE_COLUMNS), 1, None)
+        yield "".join(f"{line}\n" for line in lines).encode()
+
+
+def _finite(cost: float) -> float | str:
+    return round(cost, 9) if math.isfinite(cost) else ""
+
+
+def _remarks(own: Sequence[MotionTemplate], label: str, options: RetrieveOptions) -> Iterator[str]:
+    if options.tau is None and all(template.tau is None for template in own):
+        yield f"{shown(label)} has no threshold of its own, {TAU} is used"
+    if options.tau is None and options.steps == "printed":
+        yield "thresholds were learned with weighted steps; with printed ones --tau fits better"
