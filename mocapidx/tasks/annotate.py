@@ -1,6 +1,7 @@
 """Say which motion class occurs when, in motion files and in stores."""
 
 import itertools
+import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass, field
@@ -10,11 +11,11 @@ from typing import Final, Literal
 
 import numpy as np
 
-from mocapidx.errors import FormatError, ParameterError, StoreError
+from mocapidx.errors import FormatError, ParameterError
 from mocapidx.features.featureset import FeatureSet, parse_feature_set
 from mocapidx.model import Hit, IndexArray, WordArray
 from mocapidx.printable import shown
-from mocapidx.store.manifest import Document, Placed
+from mocapidx.store.manifest import Document
 from mocapidx.store.read import Snapshot, open_store
 from mocapidx.store.schema import MANIFEST
 from mocapidx.tasks.hits import make_hit
@@ -24,6 +25,7 @@ from mocapidx.tasks.read import ReadOptions
 from mocapidx.tasks.records import Record, hit_record
 from mocapidx.tasks.segment_sources import untrusted_mask
 from mocapidx.tasks.sources import Source, find_sources
+from mocapidx.tasks.store_words import check_store, store_batches
 from mocapidx.templates.file import load_templates
 from mocapidx.templates.match import find_hits, match_documents
 from mocapidx.templates.path import UNKNOWN_COST, annotate_words, loop_bank
@@ -51,9 +53,6 @@ ANNOTATION_COLUMNS: Final = (
     "cost",
 )
 """What a table shows of an annotation."""
-
-BATCH_FRAMES: Final = 1 << 17
-"""Documents of a store that are read and matched together: a MiB of words."""
 
 JOBS_PER_WORKER: Final = 8
 """Starting a worker takes as long as annotating a few files."""
@@ -152,7 +151,7 @@ class Annotated:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Batch:
+class _Piece:
     """Words of documents end to end, all with the same untrusted features."""
 
     documents: tuple[Document, ...]
@@ -174,7 +173,7 @@ class _Work:
 
 @dataclass(frozen=True, slots=True)
 class _Done:
-    """What a worker found in a batch."""
+    """What a worker found in a piece."""
 
     annotations: tuple[Annotation, ...]
     documents: tuple[str, ...]
@@ -225,14 +224,14 @@ def annotate(
         known.rate,
         options,
     )
-    folders = [path for path in inputs if not (path / MANIFEST).exists()]
+    folders = [path for path in inputs if not os.path.lexists(path / MANIFEST)]
     sources = find_sources(folders, options.root)[0] if folders else ()
     with ExitStack() as stack:
         stores = [stack.enter_context(open_store(path)) for path in inputs if path not in folders]
         for store in stores:
-            _check_store(store, known)
+            check_store(store, known)
         total = _count_documents(sources, stores)
-        items = itertools.chain(sources, *map(_store_batches, stores))
+        items = itertools.chain(sources, *map(_store_pieces, stores))
         jobs = min(options.jobs, -(-total // JOBS_PER_WORKER))
         parallel = jobs > 1 and map_fn is None
         apply = stack.enter_context(mapping(jobs) if parallel else nullcontext(map_fn or map))
@@ -269,22 +268,6 @@ def _chosen(known: TemplateSet, options: AnnotateOptions) -> tuple[MotionTemplat
     return templates
 
 
-def _check_store(store: Snapshot, known: TemplateSet) -> None:
-    settings = store.manifest.settings
-    if settings.feature_set_digest != known.feature_set_digest:
-        raise StoreError(
-            f"{shown(store.path)}: made with feature set '{shown(settings.feature_set_name)}' "
-            f"({settings.feature_set_digest[:8]}), the templates with "
-            f"'{shown(known.feature_set_name)}' ({known.feature_set_digest[:8]}); "
-            "index again with theirs, or learn again"
-        )
-    if settings.rate != known.rate:
-        raise StoreError(
-            f"{shown(store.path)}: has {settings.rate:g} frames/s, the templates {known.rate:g}; "
-            "index again at their rate, or learn again"
-        )
-
-
 def _count_documents(sources: Sequence[Source], stores: Sequence[Snapshot]) -> int:
     """Count all documents; no two may have one name."""
     origins = {source.name: source.path for source in sources}
@@ -300,37 +283,17 @@ def _count_documents(sources: Sequence[Source], stores: Sequence[Snapshot]) -> i
     return len(origins)
 
 
-def _store_batches(store: Snapshot) -> Iterator[_Batch]:
-    """Read a store piece by piece; neighbours with the same untrusted features go together."""
-    for file in store.files:
-        live = (placed for placed in file.placed() if placed.document.live)
-        pieces = itertools.groupby(
-            live, lambda p: (p.frame_offset // BATCH_FRAMES, untrusted_mask(p.document))
-        )
-        for (_, untrusted), piece in pieces:
-            yield _read_batch(store, list(piece), untrusted)
+def _store_pieces(store: Snapshot) -> Iterator[_Piece]:
+    for batch in store_batches(store):
+        yield _Piece(batch.documents, batch.words, batch.bounds, batch.untrusted)
 
 
-def _read_batch(store: Snapshot, piece: list[Placed], untrusted: int) -> _Batch:
-    start = piece[0].frame_offset
-    stop = piece[-1].frame_offset + piece[-1].document.frames
-    words = store.array(piece[0].file, "frames/words", start, stop)
-    lengths = [placed.document.frames for placed in piece]
-    wanted = [
-        words[placed.frame_offset - start :][:length]
-        for placed, length in zip(piece, lengths, strict=True)
-    ]
-    bounds = np.concatenate(([0], np.cumsum(lengths)))
-    documents = tuple(placed.document for placed in piece)
-    return _Batch(documents, np.concatenate(wanted), bounds, untrusted)
-
-
-def _read_file(work: _Work, source: Source) -> _Batch | Refused:
+def _read_file(work: _Work, source: Source) -> _Piece | Refused:
     job = Job(source, None, work.options.read, work.feature_set, work.rate, poses=False)
     prepared = prepare(job)
     if not isinstance(prepared, Prepared):
         return Refused(source.name, prepared.message if isinstance(prepared, Refused) else "")
-    return _Batch(
+    return _Piece(
         (prepared.document,),
         prepared.words,
         np.array([0, len(prepared.words)]),
@@ -339,41 +302,43 @@ def _read_file(work: _Work, source: Source) -> _Batch | Refused:
     )
 
 
-def _annotate(work: _Work, item: Source | _Batch) -> _Done | Refused:
+def _annotate(work: _Work, item: Source | _Piece) -> _Done | Refused:
     """Annotate a motion file or documents of a store; runs in any process."""
-    batch = _read_file(work, item) if isinstance(item, Source) else item
-    if isinstance(batch, Refused):
-        return batch
+    piece = _read_file(work, item) if isinstance(item, Source) else item
+    if isinstance(piece, Refused):
+        return piece
     find = _path_annotations if work.options.method == "path" else _hit_annotations
     return _Done(
-        annotations=tuple(find(work, batch)),
-        documents=tuple(document.name for document in batch.documents),
-        frames=len(batch.words),
-        assumed_rate=batch.assumed_rate,
+        annotations=tuple(find(work, piece)),
+        documents=tuple(document.name for document in piece.documents),
+        frames=len(piece.words),
+        assumed_rate=piece.assumed_rate,
     )
 
 
-def _path_annotations(work: _Work, batch: _Batch) -> Iterator[Annotation]:
+def _path_annotations(work: _Work, piece: _Piece) -> Iterator[Annotation]:
     bank = loop_bank(
         [template.matrix for template in work.templates],
         [template.label for template in work.templates],
         rate=work.rate,
-        trusted=((1 << len(work.feature_set.ids)) - 1) & ~batch.untrusted,
+        trusted=((1 << len(work.feature_set.ids)) - 1) & ~piece.untrusted,
     )
     unknown = None if work.options.fill else UNKNOWN_COST
-    spans = zip(batch.documents, itertools.pairwise(batch.bounds.tolist()), strict=True)
+    spans = zip(piece.documents, itertools.pairwise(piece.bounds.tolist()), strict=True)
     for document, (start, stop) in spans:
-        for found in annotate_words(batch.words[start:stop], bank, unknown_cost=unknown):
+        for found in annotate_words(piece.words[start:stop], bank, unknown_cost=unknown):
             hit = make_hit(document, found.start, found.end, work.rate, found.cost, found.label)
             yield Annotation(hit, found.repetitions)
 
 
-def _hit_annotations(work: _Work, batch: _Batch) -> Iterator[Annotation]:
+def _hit_annotations(work: _Work, piece: _Piece) -> Iterator[Annotation]:
+    labels = list(dict.fromkeys(template.label for template in work.templates))
     found: dict[int, list[tuple[int, int, float, float, int]]] = {}
-    for number, template in enumerate(work.templates):
+    for template in work.templates:
+        number = labels.index(template.label)
         tau = template.threshold if work.options.tau is None else work.options.tau
-        quantised = quantise(template.matrix, template.delta).without(batch.untrusted)
-        hits = find_hits(match_documents(quantised, batch.words, batch.bounds), tau)
+        quantised = quantise(template.matrix, template.delta).without(piece.untrusted)
+        hits = find_hits(match_documents(quantised, piece.words, piece.bounds), tau)
         columns = (hits.documents, hits.starts, hits.ends, hits.costs)
         for document, start, end, cost in zip(*(c.tolist() for c in columns), strict=True):
             # A threshold of 0 has no hits, so the ratio is always there.
@@ -385,9 +350,9 @@ def _hit_annotations(work: _Work, batch: _Batch) -> Iterator[Annotation]:
             beaten = beaten_by_rivals(starts, ends, ratios, classes)
         for (start, end, cost, _, number), lost in zip(rows, beaten.tolist(), strict=True):
             if not lost:
-                label = work.templates[number].label
-                record = batch.documents[document]
-                yield Annotation(make_hit(record, start, end, work.rate, cost, label), 1.0)
+                record = piece.documents[document]
+                hit = make_hit(record, start, end, work.rate, cost, labels[number])
+                yield Annotation(hit, 1.0)
 
 
 def _gathered(
