@@ -103,9 +103,9 @@ def annotate(
     from mocapidx.tasks.annotate import (
         ANNOTATION_COLUMNS,
         AnnotateOptions,
+        annotate_motion,
         annotation_record,
     )
-    from mocapidx.tasks.annotate import annotate as annotate_motion
 
     options = AnnotateOptions(
         classes=classes,

@@ -38,7 +38,7 @@ __all__ = [
     "AnnotateOptions",
     "Annotated",
     "Annotation",
-    "annotate",
+    "annotate_motion",
     "annotation_record",
 ]
 
@@ -181,9 +181,9 @@ class _Done:
     assumed_rate: bool
 
 
-def annotate(
-    inputs: Sequence[Path],
-    templates: Path | TemplateSet,
+def annotate_motion(
+    inputs: Sequence[str | Path],
+    templates: str | Path | TemplateSet,
     options: AnnotateOptions | None = None,
     *,
     progress: Callable[[int, int], None] | None = None,
@@ -193,9 +193,9 @@ def annotate(
 
     Parameters
     ----------
-    inputs : sequence of Path
+    inputs : sequence of str or Path
         Motion files, folders that are searched for them, and stores.
-    templates : Path or TemplateSet
+    templates : str, Path or TemplateSet
     options : AnnotateOptions, optional
     progress : callable, optional
         Called with the number of documents done and of all.
@@ -217,17 +217,18 @@ def annotate(
         rates.
     """
     options = options or AnnotateOptions()
-    known = load_templates(templates) if isinstance(templates, Path) else templates
+    known = templates if isinstance(templates, TemplateSet) else load_templates(Path(templates))
     work = _Work(
         _chosen(known, options),
         parse_feature_set(known.feature_set_text, "the templates"),
         known.rate,
         options,
     )
-    folders = [path for path in inputs if not os.path.lexists(path / MANIFEST)]
+    paths = [Path(given) for given in inputs]
+    folders = [path for path in paths if not os.path.lexists(path / MANIFEST)]
     sources = find_sources(folders, options.root)[0] if folders else ()
     with ExitStack() as stack:
-        stores = [stack.enter_context(open_store(path)) for path in inputs if path not in folders]
+        stores = [stack.enter_context(open_store(path)) for path in paths if path not in folders]
         for store in stores:
             check_store(store, known)
         total = _count_documents(sources, stores)

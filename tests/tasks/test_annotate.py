@@ -16,7 +16,7 @@ from mocapidx.features.words import pack_words
 from mocapidx.tasks.annotate import (
     ANNOTATION_COLUMNS,
     AnnotateOptions,
-    annotate,
+    annotate_motion,
     annotation_record,
 )
 from mocapidx.tasks.index import IndexOptions, index_files
@@ -99,7 +99,7 @@ def truth(fixtures_dir):
 
 @pytest.mark.parametrize("method", ["path", "hits"])
 def test_what_goes_on_in_the_takes_is_found(fixtures_dir, takes, template_file, method):
-    found = rows(annotate([takes], template_file, AnnotateOptions(method=method)))
+    found = rows(annotate_motion([takes], template_file, AnnotateOptions(method=method)))
     right = total = 0
     for document, spans in truth(fixtures_dir).items():
         for label, start, end in spans:
@@ -117,7 +117,7 @@ def test_what_goes_on_in_the_takes_is_found(fixtures_dir, takes, template_file, 
 
 def test_a_path_is_the_one_through_the_templates(takes, templates):
     take = min(takes.glob("*.amc"))
-    (*found,) = rows(annotate([take], templates))
+    (*found,) = rows(annotate_motion([take], templates))
     words = pack_words(extract_features(read_motion(take)))
     bank = loop_bank(
         [t.matrix for t in templates.templates], [t.label for t in templates.templates]
@@ -131,7 +131,7 @@ def test_a_path_is_the_one_through_the_templates(takes, templates):
 
 
 def test_records_have_the_keys_of_the_contract_and_times_agree(takes, template_file):
-    for row in rows(annotate([takes], template_file)):
+    for row in rows(annotate_motion([takes], template_file)):
         assert list(row) == [*ANNOTATION_KEYS, "repetitions"]
         assert row["start_time"] == pytest.approx(row["start_frame"] / 30, abs=1e-6)
         assert row["end_time"] == pytest.approx(row["end_frame"] / 30, abs=1e-6)
@@ -140,20 +140,22 @@ def test_records_have_the_keys_of_the_contract_and_times_agree(takes, template_f
 
 
 def test_paths_do_not_overlap_and_filled_ones_leave_nothing_out(takes, template_file):
-    free = rows(annotate([takes], template_file))
-    filled = rows(annotate([takes], template_file, AnnotateOptions(fill=True)))
+    free = rows(annotate_motion([takes], template_file))
+    filled = rows(annotate_motion([takes], template_file, AnnotateOptions(fill=True)))
     for found in (free, filled):
         for before, after in pairwise(found):
             if before["document"] == after["document"]:
                 assert before["end_frame"] <= after["start_frame"]
-    annotated = annotate([takes], template_file, AnnotateOptions(fill=True))
+    annotated = annotate_motion([takes], template_file, AnnotateOptions(fill=True))
     assert sum(row["end_frame"] - row["start_frame"] for row in filled) == annotated.frames
 
 
 @pytest.mark.parametrize("method", ["path", "hits"])
 def test_files_and_their_store_are_annotated_alike(takes, store, template_file, method):
     options = AnnotateOptions(method=method)
-    from_files, from_store = (annotate([place], template_file, options) for place in (takes, store))
+    from_files, from_store = (
+        annotate_motion([place], template_file, options) for place in (takes, store)
+    )
     assert rows(from_files) == rows(from_store)
     assert from_files.documents == from_store.documents == 2
     assert from_files.frames == from_store.frames
@@ -164,10 +166,10 @@ def test_the_number_of_workers_changes_nothing(fixtures_dir, store, template_fil
     root = AnnotateOptions(root=fixtures_dir)
     inputs = [*inputs[:2], fixtures_dir / "clips" / "jog", inputs[2]]
     calls = []
-    one = annotate(
+    one = annotate_motion(
         inputs, template_file, root, progress=lambda done, total: calls.append((done, total))
     )
-    two = annotate(inputs, template_file, replace(root, jobs=2))
+    two = annotate_motion(inputs, template_file, replace(root, jobs=2))
     assert one == two
     assert calls[-1] == (one.documents, one.documents)
     names = [(row["document"], row["start_frame"]) for row in rows(one)]
@@ -176,19 +178,19 @@ def test_the_number_of_workers_changes_nothing(fixtures_dir, store, template_fil
 
 def test_only_the_chosen_classes_are_looked_for(takes, template_file):
     options = AnnotateOptions(classes=("squat", "walk"), fill=True)
-    assert {row["label"] for row in rows(annotate([takes], template_file, options))} == {
+    assert {row["label"] for row in rows(annotate_motion([takes], template_file, options))} == {
         "squat",
         "walk",
     }
     with pytest.raises(ParameterError, match="no template of a class 'yoga'"):
-        annotate([takes], template_file, AnnotateOptions(classes=("yoga",)))
+        annotate_motion([takes], template_file, AnnotateOptions(classes=("yoga",)))
 
 
 def test_hits_cost_what_the_distance_function_says(takes, templates):
     take = min(takes.glob("*.amc"))
     options = AnnotateOptions(method="hits", overlap="keep", tau=0.1)
     words = pack_words(extract_features(read_motion(take)))
-    found = rows(annotate([take], templates, options))
+    found = rows(annotate_motion([take], templates, options))
     assert found
     for row in found:
         costs = distance_function(templates.of(row["label"])[0], words)
@@ -198,7 +200,11 @@ def test_hits_cost_what_the_distance_function_says(takes, templates):
 
 def test_rivals_only_take_hits_away_and_leave_no_class_beside_a_better_one(takes, template_file):
     keep, rivals = (
-        rows(annotate([takes], template_file, AnnotateOptions(method="hits", overlap=o, tau=0.2)))
+        rows(
+            annotate_motion(
+                [takes], template_file, AnnotateOptions(method="hits", overlap=o, tau=0.2)
+            )
+        )
         for o in ("keep", "rivals")
     )
     assert len(rivals) < len(keep)
@@ -221,8 +227,8 @@ def test_each_class_has_its_own_threshold(takes, templates):
         templates=tuple(replace(template, tau=1e-6) for template in templates.templates),
     )
     options = AnnotateOptions(method="hits")
-    assert len(annotate([takes], strict, options).annotations) < len(
-        annotate([takes], templates, options).annotations
+    assert len(annotate_motion([takes], strict, options).annotations) < len(
+        annotate_motion([takes], templates, options).annotations
     )
 
 
@@ -231,16 +237,16 @@ def test_stretch_templates_are_for_paths_only(takes, templates):
         templates,
         templates=tuple(replace(template, kind="stretch") for template in templates.templates),
     )
-    assert annotate([takes], stretches).annotations
+    assert annotate_motion([takes], stretches).annotations
     with pytest.raises(ParameterError, match="no template to annotate with"):
-        annotate([takes], stretches, AnnotateOptions(method="hits"))
+        annotate_motion([takes], stretches, AnnotateOptions(method="hits"))
 
 
 def test_a_store_of_another_feature_set_or_rate_is_refused(takes, store, templates, tmp_path):
     other = tmp_path / "other.store"
     index_files([takes], other, IndexOptions(rate=15.0))
     with pytest.raises(StoreError, match="15 frames/s, the templates 30"):
-        annotate([other], templates)
+        annotate_motion([other], templates)
     foreign = replace(
         templates,
         templates=tuple(
@@ -249,12 +255,12 @@ def test_a_store_of_another_feature_set_or_rate_is_refused(takes, store, templat
         feature_set_digest="0" * 64,
     )
     with pytest.raises(StoreError, match="made with feature set 'f39'"):
-        annotate([store], foreign)
+        annotate_motion([store], foreign)
 
 
 def test_two_documents_of_one_name_are_refused(takes, store, template_file):
     with pytest.raises(ParameterError, match="both hold a document"):
-        annotate([takes, store], template_file)
+        annotate_motion([takes, store], template_file)
 
 
 def test_a_bad_file_stops_the_run_or_is_passed_over(takes, template_file, tmp_path):
@@ -262,10 +268,10 @@ def test_a_bad_file_stops_the_run_or_is_passed_over(takes, template_file, tmp_pa
         shutil.copy2(path, tmp_path)
     (tmp_path / "bad.bvh").write_text("no motion")
     with pytest.raises(FormatError, match="--skip-bad passes over such files"):
-        annotate([tmp_path], template_file)
-    annotated = annotate([tmp_path], template_file, AnnotateOptions(skip_bad=True))
+        annotate_motion([tmp_path], template_file)
+    annotated = annotate_motion([tmp_path], template_file, AnnotateOptions(skip_bad=True))
     assert [refused.name for refused in annotated.refused] == ["bad.bvh"]
-    assert rows(annotated) == rows(annotate([takes], template_file))
+    assert rows(annotated) == rows(annotate_motion([takes], template_file))
 
 
 @pytest.mark.parametrize(
@@ -282,7 +288,7 @@ def test_the_command_prints_records_and_nothing_else(takes, template_file):
     )
     assert done.exit_code == 0
     assert [json.loads(line) for line in done.stdout.splitlines()] == [
-        dict(row) for row in rows(annotate([takes], template_file))
+        dict(row) for row in rows(annotate_motion([takes], template_file))
     ]
     assert done.stderr.startswith("2 documents, ")
     assert done.stderr.count("\n") == 1
@@ -295,7 +301,7 @@ def test_quiet_and_output_leave_only_the_file(takes, template_file, tmp_path):
     assert (done.exit_code, done.output) == (0, "")
     with output.open() as lines:
         found = list(csv.DictReader(lines))
-    expected = rows(annotate([takes], template_file))
+    expected = rows(annotate_motion([takes], template_file))
     assert [row["label"] for row in found] == [row["label"] for row in expected]
     again = tmp_path / "again.csv"
     CliRunner().invoke(command, [*arguments, "--output", str(again)])
