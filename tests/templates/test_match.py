@@ -12,6 +12,7 @@ from mocapidx.templates.match import (
     local_minima,
     lowest_costs,
     match_documents,
+    merge_hits,
 )
 from mocapidx.templates.quantise import quantise
 from mocapidx.templates.template import MotionTemplate
@@ -156,3 +157,16 @@ def test_bounds_that_do_not_fit_are_refused(bounds):
     quantised = quantise(PATTERN.astype(float), 0.1)
     with pytest.raises(ParameterError, match="bounds"):
         match_documents(quantised, np.zeros(4, dtype=np.uint64), np.array(bounds))
+
+
+def test_hits_of_two_templates_leave_room_for_one_another():
+    rng = np.random.default_rng(2)
+    takes = [np.vstack((performed(rng, 20), performed(rng, 30)))]
+    one, other = (
+        find_hits(matched(takes, matrix=PATTERN[rows]), 0.3) for rows in (range(8), range(1, 8))
+    )
+    both = merge_hits([one, other])
+    assert both.costs.tolist() == sorted(both.costs.tolist())
+    assert len(both.costs) >= max(len(one.costs), len(other.costs))
+    np.testing.assert_array_equal(merge_hits([one, one]).starts, one.starts)
+    assert len(merge_hits([find_hits(matched(takes), 1e-9)]).costs) in (0, 1, 2)

@@ -1,0 +1,152 @@
+import csv
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mocapidx.errors import ParameterError, StoreError
+from mocapidx.tasks.learn import find_labels, learn_classes, save_learning
+from mocapidx.tasks.retrieve import RetrieveOptions, retrieve
+from tests.made_words import GESTURES, gesture, make_word_store, rest
+from tests.tasks.test_learn import clips
+
+
+@pytest.fixture(scope="module")
+def templates(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("templates")
+    store = make_word_store(folder / "train.store", clips() | {"stand/a.amc": rest(90)})
+    learning = learn_classes(store, find_labels(store, labels_from="folder"))
+    save_learning(learning, folder / "t.h5")
+    return folder / "t.h5"
+
+
+@pytest.fixture(scope="module")
+def takes():
+    """Long takes of known gestures with rest between; where each lies."""
+    rng = np.random.default_rng(9)
+    documents, truth = {}, []
+    for take in range(4):
+        parts, frames = [rest(20)], 20
+        for name in rng.choice(list(GESTURES), 5):
+            bits = gesture(name, rng)
+            truth.append((f"take{take}.amc", str(name), frames, frames + len(bits)))
+            parts += [bits, rest(25)]
+            frames += len(bits) + 25
+        documents[f"take{take}.amc"] = np.vstack(parts)
+    return documents, truth
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory, takes):
+    return make_word_store(tmp_path_factory.mktemp("takes") / "s.store", takes[0], batches=2)
+
+
+def overlaps(hit, place):
+    return (
+        hit.document == place[0]
+        and min(hit.end_frame, place[3]) - max(hit.start_frame, place[2]) > 4
+    )
+
+
+@pytest.mark.parametrize("label", GESTURES)
+def test_every_occurrence_is_found_and_nothing_else(store, templates, takes, label):
+    hits = retrieve(store, templates, label).hits
+    places = [place for place in takes[1] if place[1] == label]
+    assert len(hits) == len(places)
+    assert all(any(overlaps(hit, place) for hit in hits) for place in places)
+    assert {hit.label for hit in hits} <= {label}
+    order = [(hit.cost, hit.document, hit.start_frame) for hit in hits]
+    assert order == sorted(order)
+
+
+def test_frames_seconds_and_source_frames_agree(store, templates):
+    for hit in retrieve(store, templates, "kick").hits:
+        assert hit.start_time == hit.start_frame / 30
+        assert hit.source_start_frame == 4 * hit.start_frame
+        assert hit.source_end_frame == 4 * hit.end_frame
+
+
+def test_the_best_few_are_the_first_of_all(store, templates):
+    options = RetrieveOptions(tau=0.5)
+    everything = retrieve(store, templates, "kick", options).hits
+    for top in (1, 3, 10):
+        few = retrieve(store, templates, "kick", RetrieveOptions(tau=0.5, top=top)).hits
+        assert few == everything[:top]
+
+
+@pytest.mark.parametrize("steps", ["weighted", "printed"])
+def test_a_higher_tau_finds_more(store, templates, steps):
+    counts = [
+        len(retrieve(store, templates, "bow", RetrieveOptions(tau=tau, steps=steps)).hits)
+        for tau in (0.01, 0.05, 0.2, 1.0)
+    ]
+    assert counts == sorted(counts)
+
+
+def test_rivals_drop_what_another_class_explains_better(tmp_path):
+    rng = np.random.default_rng(4)
+    # A bow that begins with half a kick: the template of the kick finds it too.
+    documents = {}
+    for n in range(4):
+        kick = gesture("kick", rng)
+        half = kick.copy()
+        half[:, GESTURES["kick"][5:]] = False
+        half[:, GESTURES["bow"][3]] = True
+        documents[f"kick/{n}.amc"] = kick
+        documents[f"half/{n}.amc"] = half
+    store = make_word_store(tmp_path / "s.store", documents)
+    learning = learn_classes(store, find_labels(store, labels_from="folder"))
+    known = learning.templates
+    loose = replace(known, templates=tuple(replace(t, tau=0.4) for t in known.templates))
+    with_rivals = retrieve(store, loose, "kick")
+    without = retrieve(store, loose, "kick", RetrieveOptions(rivals=False))
+    assert {hit.document.split("/")[0] for hit in with_rivals.hits} == {"kick"}
+    assert {hit.document.split("/")[0] for hit in without.hits} == {"kick", "half"}
+    given = retrieve(store, loose, "kick", RetrieveOptions(tau=0.4))
+    assert given.hits == without.hits
+
+
+def test_untrusted_features_are_left_open(tmp_path, templates):
+    kick = gesture("kick", np.random.default_rng(7))
+    lost = kick.copy()
+    lost[:, GESTURES["kick"][3]] = False
+    mask = 1 << GESTURES["kick"][3]
+    store = make_word_store(
+        tmp_path / "s.store",
+        {"good.amc": kick, "lost.amc": lost, "bad.amc": lost},
+        untrusted={"lost.amc": mask},
+    )
+    costs = {
+        hit.document: hit.cost
+        for hit in retrieve(store, templates, "kick", RetrieveOptions(tau=0.9)).hits
+    }
+    assert costs["lost.amc"] < costs["bad.amc"]
+
+
+def test_the_profile_has_every_frame_of_every_document(store, templates, takes, tmp_path):
+    hits = retrieve(store, templates, "kick", profile=tmp_path / "p.csv").hits
+    with (tmp_path / "p.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == sum(map(len, takes[0].values()))
+    assert [row["document"] for row in rows] == sorted(row["document"] for row in rows)
+    best = {(row["document"], int(row["frame"])): row["cost"] for row in rows}
+    for hit in hits:
+        assert float(best[hit.document, hit.end_frame - 1]) == pytest.approx(hit.cost, abs=1e-8)
+    assert rows[0]["cost"] == ""
+
+
+def test_a_store_of_another_rate_is_refused(templates, tmp_path):
+    store = make_word_store(tmp_path / "s.store", {"x.amc": rest(9)}, rate=60.0)
+    with pytest.raises(StoreError, match="60 frames/s, the templates 30"):
+        retrieve(store, templates, "kick")
+
+
+def test_a_class_that_is_not_there_is_told(store, templates):
+    with pytest.raises(ParameterError, match=r"'jump'.*bow, kick, raise, stand"):
+        retrieve(store, templates, "jump")
+
+
+@pytest.mark.parametrize("values", [{"tau": 0.0}, {"tau": float("nan")}, {"top": 0}])
+def test_options_out_of_range_are_refused(values):
+    with pytest.raises(ParameterError):
+        RetrieveOptions(**values)
