@@ -1,10 +1,13 @@
 """The command `index`."""
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+
+from mocapidx.printable import shown
 
 if TYPE_CHECKING:
     from mocapidx.tasks.index import IndexProgress, IndexSummary
@@ -58,6 +61,7 @@ SKIPPED = 5  # exit code: done, but some inputs were skipped
 @reading_options
 @jobs_option
 @lock_options
+@click.option("--verbose", is_flag=True, help="Warn of each odd file, not only of the first.")
 @quiet_option
 def index(
     inputs: tuple[Path, ...],
@@ -71,6 +75,7 @@ def index(
     jobs: int,
     lock_timeout: float,
     use_lock: bool,
+    verbose: bool,
     quiet: bool,
     **reading: Any,
 ) -> int:
@@ -101,14 +106,27 @@ def index(
         summary = index_files(inputs, store, options, progress=bar.show)
     for refused in summary.refused:
         warn(refused.message)
-    if summary.assumed_rate and not quiet:
-        count, first = len(summary.assumed_rate), summary.assumed_rate[0]
-        warn(
-            f"nothing says the rate of {count} AMC files, such as {first}: taken as 120 Hz; "
-            f"use --source-rate"
-        )
+    for warning in () if quiet else warnings(summary, verbose):
+        warn(warning)
     note(sentence(summary, store, rate), quiet)
     return SKIPPED if summary.refused else 0
+
+
+def warnings(summary: "IndexSummary", verbose: bool) -> Iterator[str]:
+    """Say what a person should look at after a run of `index`."""
+    if summary.assumed_rate:
+        names = "; ".join(shown(name) for name in summary.assumed_rate[: None if verbose else 1])
+        yield (
+            f"nothing says the rate of {len(summary.assumed_rate)} AMC files, taken as 120 Hz "
+            f"(--source-rate says otherwise): {names}"
+        )
+    if verbose:
+        yield from summary.oddities
+    elif summary.oddities:
+        yield (
+            f"{len(summary.oddities)} oddities ('mocapidx skeleton FILE' shows more), such as "
+            f"{summary.oddities[0]}"
+        )
 
 
 def sentence(summary: "IndexSummary", store: Path, rate: float) -> str:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from mocapidx.errors import FormatError, Interrupted
 from mocapidx.features.featureset import FeatureSet, load_feature_set
+from mocapidx.printable import shown
 from mocapidx.store.manifest import Document, SegmentFile, StoreSettings
 from mocapidx.store.write import Batch, Writer, check_writable, writing
 from mocapidx.tasks.batch import make_batch, merged_batch, small_files
@@ -100,6 +101,8 @@ class IndexSummary:
         Files that could not be used, in the order of their names.
     assumed_rate : list of str
         Documents of which nothing says the source rate.
+    oddities : list of str
+        What looks wrong about skeletons, with the document's name before it.
     frames : int
         Frames read, at the store's rate.
     seconds : float
@@ -112,6 +115,7 @@ class IndexSummary:
     passed_over: int = 0
     refused: list[Refused] = field(default_factory=list)
     assumed_rate: list[str] = field(default_factory=list)
+    oddities: list[str] = field(default_factory=list)
     frames: int = 0
     seconds: float = 0.0
 
@@ -287,6 +291,8 @@ def _index(
             summary.frames += outcome.document.frames
             if outcome.assumed_rate:
                 summary.assumed_rate.append(outcome.document.name)
+            name = shown(outcome.document.name)
+            summary.oddities += (f"{name}: {oddity}" for oddity in outcome.oddities)
             if batch.size >= options.batch_bytes:
                 _commit(batch, known, writer, feature_set, summary)
         yield done

@@ -53,12 +53,15 @@ class Prepared:
         Joint positions in metres.
     assumed_rate : bool
         Whether nothing says the source's rate.
+    oddities : tuple of str
+        What looks wrong about the skeleton, for people.
     """
 
     document: Document
     words: WordArray
     poses: NDArray[np.float32] | None
     assumed_rate: bool
+    oddities: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,6 +149,7 @@ def prepare(job: Job) -> Outcome:
         words & ~np.uint64(untrusted),
         motion.positions.astype(np.float32) if job.poses else None,
         reading.rate_origin == "assumed",
+        reading.conventions.warnings,
     )
 
 
