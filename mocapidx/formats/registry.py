@@ -106,8 +106,9 @@ def _check_lengths(path: Path, recording: Recording) -> None:
     far = np.argwhere(np.abs(recording.skeleton.offsets) > FARTHEST)
     if len(far):
         raise FormatError(f"{place(path)}: joint '{shown(names[far[0][0]])}' {TOO_FAR}")
-    for column in np.flatnonzero(recording.channel_kinds < 3):
-        beyond = np.flatnonzero(np.abs(recording.values[:, column]) > FARTHEST)
-        if len(beyond):
-            name = shown(names[recording.channel_nodes[column]])
-            raise FormatError(f"{place(path)}: frame {beyond[0]}: joint '{name}' {TOO_FAR}")
+    values = recording.values
+    farthest = np.maximum(values.max(axis=0, initial=0), -values.min(axis=0, initial=0))
+    for column in np.flatnonzero((farthest > FARTHEST) & (recording.channel_kinds < 3)):
+        frame = int(np.argmax(np.abs(values[:, column]) > FARTHEST))
+        name = shown(names[recording.channel_nodes[column]])
+        raise FormatError(f"{place(path)}: frame {frame}: joint '{name}' {TOO_FAR}")

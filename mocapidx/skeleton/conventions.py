@@ -24,7 +24,7 @@ __all__ = ["Conventions", "Overrides", "detect_conventions"]
 
 FirstFrame = Literal["motion", "dropped T-pose"]
 
-SAMPLES: Final = 128  # frames looked at, spread over the take
+SAMPLES: Final = 64  # frames looked at, spread over the take
 SHORTEST_LEG, LONGEST_LEG = 0.70, 1.00  # hip to knee to ankle of adults, metres
 STEEP: Final = 0.95  # cosine between a standing shank and the vertical
 ON_ONE_POINT: Final = 1e-4  # metres

@@ -9,7 +9,6 @@ import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
 
@@ -192,8 +191,7 @@ def shipped_maps() -> tuple[JointMap, ...]:
     tuple of JointMap
         One a convention.
     """
-    folder = files("mocapidx.skeleton") / "maps"
-    paths = sorted((p for p in folder.iterdir() if p.name.endswith(".toml")), key=lambda p: p.name)
+    paths = sorted((Path(__file__).parent / "maps").glob("*.toml"))
     return tuple(parse_joint_map(p.read_text(encoding="utf-8"), p.name) for p in paths)
 
 

@@ -95,7 +95,9 @@ def _points(
     by_own = skeleton.turned_by == "own"
     turning = set(needed if by_own else skeleton.parents[needed].tolist())
     channels = _channels_of(recording, needed)
-    cosines, sines = np.cos(values), np.sin(values)
+    rotations = recording.channel_kinds >= 3
+    cosines, sines = np.empty_like(values), np.empty_like(values)
+    cosines[rotations], sines[rotations] = np.cos(values[rotations]), np.sin(values[rotations])
     points: dict[int, FloatArray] = {-1: np.zeros((3, values.shape[1]))}
     turns: dict[int, FloatArray] = {
         -1: np.broadcast_to(np.eye(3)[:, :, None], (3, 3, values.shape[1]))

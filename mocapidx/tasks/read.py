@@ -47,7 +47,7 @@ class ReadOptions:
     skeleton : Path or None
         The ASF of AMC files.
     source_rate : float or None
-        Frames a second of the files, in Hz.
+        Frames a second of AMC files, in Hz; a BVH file states its own.
     joint_map : Path or None
         A joint map in TOML.
     unit : float or None
@@ -180,7 +180,7 @@ def _rest(recording: Recording, mapping: Mapping24, conventions: Conventions) ->
 
 
 def _rate(path: Path, recording: Recording, options: ReadOptions) -> tuple[float, RateOrigin]:
-    if options.source_rate is not None:
+    if options.source_rate is not None and path.suffix.lower() == ".amc":
         return options.source_rate, "option"
     if recording.rate is not None:
         return recording.rate, "file"

@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -101,6 +103,12 @@ def test_shipped_maps_tell_left_from_right(joint_map):
         if joint != other and "clavicle" not in joint:
             assert not set(mine) & set(theirs)
     assert joint_map.source
+
+
+def test_every_shipped_map_is_documented():
+    page = (Path(__file__).parent.parent.parent / "docs" / "skeletons.md").read_text()
+    for joint_map in shipped_maps():
+        assert f"`{joint_map.name}`" in page
 
 
 def test_the_canonical_tree_is_one_tree_with_two_sides():

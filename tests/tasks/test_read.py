@@ -117,6 +117,11 @@ def test_a_bvh_becomes_joints_in_metres(tmp_path):
     assert (reading.motion.rate, reading.rate_origin) == (30.0, "file")
 
 
+def test_a_bvh_keeps_its_own_rate(tmp_path):
+    reading = read_take(bvh_person(tmp_path), ReadOptions(source_rate=60.0))
+    assert (reading.motion.rate, reading.rate_origin) == (30.0, "file")
+
+
 def test_a_t_pose_is_dropped_and_counted(tmp_path):
     rows = person_rows(1) + person_rows(9, LeftArm=(-80, 0, 0))
     reading = read_take(bvh_person(tmp_path, rows))
