@@ -25,6 +25,8 @@ __all__ = ["find_skeleton", "read_amc"]
 BLOCK: Final = 1 << 18  # bytes converted at a time: what fits a processor's cache
 LONGEST_NUMBER: Final = 64
 KEPT_LETTERS: Final = np.array([(1 << 8 * n) - 1 for n in range(9)], dtype=np.uint64)
+LARGE: Final = 1 << 24  # a block that is not cut into frames is no table
+FRAME_LINE: Final = re.compile(rb"\n[ \t]*[0-9]{1,15}[ \t\r]*(?=\n)")
 FRAME_NUMBER: Final = re.compile(rb"[0-9]{1,15}")
 SLOWEST, FASTEST = 0.1, 10_000.0  # Hz
 
@@ -183,7 +185,7 @@ class _Table:
         while at < len(data):
             end = self._end_of_frames(data, at)
             block = data[at:end]
-            rows = self._read_regular(block, first + frames)
+            rows = self._read_regular(block, first + frames) if len(block) < LARGE else None
             if rows is None:
                 line += data.count(b"\n", counted, at)
                 counted = at
@@ -203,7 +205,8 @@ class _Table:
         number = data.rfind(b"\n", at, bone) if bone > 0 else -1
         if number > at and FRAME_NUMBER.fullmatch(data[number + 1 : bone].strip()):
             return number + 1
-        return len(data)
+        following = FRAME_LINE.search(data, at + BLOCK)  # bones in another order
+        return following.start() + 1 if following else len(data)
 
     def _read_regular(self, block: bytes, first: int) -> FloatArray | None:
         """Read frames that all have the layout; None if any has not."""

@@ -256,14 +256,15 @@ class _Bvh:
 
     def _rows_of(self, block: bytes, width: int) -> FloatArray:
         tokens = find_tokens(block)
-        values, bad = parse_numbers(*tokens)
         breaks = np.flatnonzero(tokens.text == ord("\n"))
-        upto = np.append(np.searchsorted(tokens.starts, breaks), len(values))
+        upto = np.append(np.searchsorted(tokens.starts, breaks), len(tokens.starts))
         counts = np.diff(upto, prepend=0)
         wrong = np.flatnonzero((counts != width) & (counts != 0))
-        if len(bad) and (not len(wrong) or bad[0] < upto[wrong[0]]):
+        whole = int(upto[wrong[0]] - counts[wrong[0]]) if len(wrong) else len(tokens.starts)
+        values, bad = parse_numbers(tokens.text, tokens.starts[:whole], tokens.ends[:whole])
+        if len(bad):
             row = int(np.searchsorted(upto, bad[0], side="right"))
-            column = int(bad[0] - (upto[row - 1] if row else 0)) + 1
+            column = int(bad[0] - upto[row] + counts[row]) + 1
             raise self._error(
                 f"value {column} is {_quoted(tokens.word(int(bad[0])))}, expected a number",
                 line=self.line + row + 1,

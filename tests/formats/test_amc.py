@@ -100,6 +100,19 @@ def test_many_blocks_read_like_one(tmp_path, monkeypatch):
     )
 
 
+def test_bones_in_another_order_are_read_in_blocks_too(tmp_path, monkeypatch):
+    text = AMC[: AMC.index("1\nroot")]
+    for i in range(1, 200):
+        bones = [f"root {i} 3 0 0 0 0", "thigh 0 0 0", "shank 0"]
+        text += "\n".join([str(i), *bones[i % 3 :], *bones[: i % 3]]) + "\n"
+    whole = read(tmp_path, text)
+    assert whole.values[:, 0].tolist() == list(range(1, 200))
+    monkeypatch.setattr(amc, "BLOCK", 100)
+    np.testing.assert_array_equal(read(tmp_path, text).values, whole.values)
+    monkeypatch.setattr(amc, "LARGE", 50)
+    np.testing.assert_array_equal(read(tmp_path, text).values, whole.values)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "reason"),
     [
