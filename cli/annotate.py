@@ -1,6 +1,5 @@
 """The command `annotate`."""
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +9,7 @@ if TYPE_CHECKING:
     from mocapidx.tasks.annotate import Annotated
 
 from .options import jobs_option, quiet_option, read_options, reading_options
+from .progress import Bar
 from .rows import note, print_rows, row_options, warn
 
 __all__ = ["annotate"]
@@ -118,7 +118,7 @@ def annotate(
         root=root,
         jobs=jobs,
     )
-    with Bar(hidden=quiet or not sys.stderr.isatty()) as bar:
+    with Bar("doc", quiet) as bar:
         annotated = annotate_motion(inputs, templates, options, progress=bar.show)
     for refused in annotated.refused:
         warn(refused.message)
@@ -142,28 +142,3 @@ def sentence(annotated: "Annotated") -> str:
         f"{len(annotated.annotations)} annotations"
     )
     return f"{text}; {len(annotated.refused)} could not be used" if annotated.refused else text
-
-
-class Bar:
-    """A progress bar of documents."""
-
-    def __init__(self, hidden: bool) -> None:
-        self.hidden = hidden
-        self.bar: Any = None
-
-    def __enter__(self) -> "Bar":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self.bar is not None:
-            self.bar.close()
-
-    def show(self, done: int, total: int) -> None:
-        """Move the bar; tqdm is imported with the first step, and only for a terminal."""
-        if self.hidden:
-            return
-        if self.bar is None:
-            from tqdm import tqdm
-
-            self.bar = tqdm(total=total, unit="doc", file=sys.stderr)
-        self.bar.update(done - self.bar.n)

@@ -1,6 +1,5 @@
 """The command `index`."""
 
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,9 +9,10 @@ import click
 from mocapidx.printable import shown
 
 if TYPE_CHECKING:
-    from mocapidx.tasks.index import IndexProgress, IndexSummary
+    from mocapidx.tasks.index import IndexSummary
 
 from .options import jobs_option, lock_options, quiet_option, read_options, reading_options
+from .progress import Bar
 from .rows import note, warn
 
 __all__ = ["index"]
@@ -102,8 +102,13 @@ def index(
         lock_timeout=lock_timeout,
         use_lock=use_lock,
     )
-    with Bar(hidden=quiet or not sys.stderr.isatty()) as bar:
-        summary = index_files(inputs, store, options, progress=bar.show)
+    with Bar("doc", quiet) as bar:
+        summary = index_files(
+            inputs,
+            store,
+            options,
+            progress=lambda step: bar.show(step.done, step.total, step.frames),
+        )
     for refused in summary.refused:
         warn(refused.message)
     for warning in () if quiet else warnings(summary, verbose):
@@ -143,33 +148,3 @@ def sentence(summary: "IndexSummary", store: Path, rate: float) -> str:
         parts.append(f"{summary.passed_over} files of other kinds passed over")
     minutes = summary.frames / rate / 60
     return f"{store}: {', '.join(parts)}; {minutes:.1f} minutes read in {summary.seconds:.1f} s"
-
-
-class Bar:
-    """A progress bar of documents, with the frames read a second behind it."""
-
-    def __init__(self, hidden: bool) -> None:
-        self.hidden = hidden
-        self.bar: Any = None
-
-    def __enter__(self) -> "Bar":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self.bar is not None:
-            self.bar.close()
-
-    def show(self, progress: "IndexProgress") -> None:
-        """Move the bar; tqdm is imported with the first step, and only for a terminal."""
-        if self.hidden:
-            return
-        if self.bar is None:
-            from tqdm import tqdm
-
-            self.bar = tqdm(total=progress.total, unit="doc", file=sys.stderr)
-        self.bar.n = progress.done
-        seconds = max(self.bar.format_dict["elapsed"], 1e-9)
-        self.bar.set_postfix_str(
-            f"{progress.frames} frames, {progress.frames / seconds:.0f}/s", refresh=False
-        )
-        self.bar.update(0)

@@ -1,6 +1,5 @@
 """The command `learn-mt`."""
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +9,7 @@ if TYPE_CHECKING:
     from mocapidx.tasks.learn import LearnedClass
 
 from .options import jobs_option, quiet_option, store_argument
+from .progress import Bar
 from .rows import note
 
 __all__ = ["learn_mt"]
@@ -91,7 +91,7 @@ def learn_mt(
         background=background,
         jobs=jobs,
     )
-    with Bar(hidden=quiet or not sys.stderr.isatty()) as bar:
+    with Bar("class", quiet) as bar:
         learning = learn_classes(
             store, find_labels(store, labels, labels_from), options, progress=bar.show
         )
@@ -116,28 +116,3 @@ def sentence(found: "LearnedClass", rate: float) -> str:
             f"threshold {threshold.tau:.3f}"
         )
     return text
-
-
-class Bar:
-    """A progress bar of classes."""
-
-    def __init__(self, hidden: bool) -> None:
-        self.hidden = hidden
-        self.bar: Any = None
-
-    def __enter__(self) -> "Bar":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self.bar is not None:
-            self.bar.close()
-
-    def show(self, done: int, total: int) -> None:
-        """Move the bar; tqdm is imported with the first step, and only for a terminal."""
-        if self.hidden:
-            return
-        if self.bar is None:
-            from tqdm import tqdm
-
-            self.bar = tqdm(total=total, unit="class", file=sys.stderr)
-        self.bar.update(done - self.bar.n)

@@ -20,6 +20,11 @@ __all__ = ["main"]
 COMMANDS = {
     "index": ("index:index", "Read motion files and folders into a store."),
     "query": ("query:query", "Find every place in a store that moves like an example."),
+    "learn-mt": ("learn_mt:learn_mt", "Learn a motion template for each label."),
+    "retrieve": ("retrieve:retrieve", "Find all occurrences of a motion class, best first."),
+    "annotate": ("annotate:annotate", "Say which motion class occurs when."),
+    "template": ("template:template", "Look at motion templates and change them by hand."),
+    "plot": ("plot:plot", "Draw distance functions and annotations."),
     "info": ("info:info", "Show what a store holds, or what is known of one document."),
     "verify": ("verify:verify", "Check every byte of a store; repair what can be rebuilt."),
     "compact": ("compact:compact", "Merge the segment files of a store."),
