@@ -111,7 +111,8 @@ def _csv_cell(value: object) -> object:
 def _table_lines(records: Sequence[Record], columns: Sequence[str]) -> Iterator[str]:
     rows = [[_table_cell(record[name]) for name in columns] for record in records]
     numeric = [
-        bool(records) and all(isinstance(record[name], (int, float)) for record in records)
+        bool(records)
+        and all(isinstance(record[name], (int, float, type(None))) for record in records)
         for name in columns
     ]
     widths = [max(map(len, column)) for column in zip(columns, *rows, strict=True)]
@@ -124,6 +125,8 @@ def _table_lines(records: Sequence[Record], columns: Sequence[str]) -> Iterator[
 
 
 def _table_cell(value: object) -> str:
+    if value is None:
+        return "-"
     if isinstance(value, float):
         return f"{value:.3f}"
     return shown(str(value))

@@ -1,0 +1,1 @@
+"""Measure hits and annotations against labels, and motion templates against simpler methods."""

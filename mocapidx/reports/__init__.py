@@ -1,0 +1,1 @@
+"""Pictures of templates, distance functions and annotations."""

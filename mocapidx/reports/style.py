@@ -1,0 +1,107 @@
+"""How pictures look, and how they become bytes: equal input gives equal bytes."""
+
+import io
+import logging
+import warnings
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, Final
+
+from mocapidx.errors import ParameterError
+from mocapidx.printable import shown
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["ACCENT", "FAINT", "FORMATS", "INK", "class_colours", "drawing", "new_figure", "render"]
+
+FORMATS: Final = ("png", "svg")
+INK: Final = "#222222"
+FAINT: Final = "#8a8a8a"
+ACCENT: Final = "#0072b2"
+DPI: Final = 150
+
+CLASS_COLOURS: Final = (
+    "#4477aa", "#ee6677", "#228833", "#ccbb44", "#66ccee", "#aa3377",
+    "#ee8866", "#44bb99", "#882255", "#999933", "#332288", "#ddcc77",
+)  # fmt: skip
+"""Told apart by the colour-blind as far as a dozen colours can be (after Paul Tol)."""
+
+STYLE: Final[dict[Any, Any]] = {
+    "figure.dpi": DPI,
+    "savefig.dpi": DPI,
+    "font.family": "DejaVu Sans",  # comes with matplotlib, so it is the same everywhere
+    "font.size": 8.0,
+    "axes.titlesize": 9.0,
+    "axes.edgecolor": FAINT,
+    "axes.labelcolor": INK,
+    "axes.linewidth": 0.6,
+    "text.color": INK,
+    "text.parse_math": False,  # a dollar in a name is a dollar
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.labelsize": 7.5,
+    "ytick.labelsize": 7.5,
+    "svg.fonttype": "path",  # names are drawn, never text or markup of the file
+    "svg.hashsalt": "mocapidx",
+    "path.simplify": True,
+}
+
+
+@contextmanager
+def drawing() -> Iterator[None]:
+    """Draw in our own style, whatever the user's settings are, and without remarks."""
+    # Where the home folder can't be written, matplotlib would say so on stderr.
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
+    import matplotlib
+
+    with warnings.catch_warnings(), matplotlib.rc_context():
+        warnings.simplefilter("ignore")  # a name may have letters that the font lacks
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(STYLE)
+        yield
+
+
+def new_figure(width: float, height: float, title: str) -> "Figure":
+    """Begin a figure of a size in inches; no display, no global state."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), layout="constrained")
+    figure.suptitle(shown(title), x=0.008, ha="left", fontsize=11.0, fontweight="bold")
+    return figure
+
+
+def render(figure: "Figure", suffix: str) -> bytes:
+    """Turn a figure into the bytes of a file.
+
+    Parameters
+    ----------
+    figure : Figure
+        Made within `drawing`, and rendered there too.
+    suffix : str
+        ``png`` or ``svg``; a dot before it and upper case do not matter.
+
+    Returns
+    -------
+    bytes
+
+    Raises
+    ------
+    ParameterError
+        If it is another suffix.
+    """
+    kind = suffix.lower().lstrip(".")
+    if kind not in FORMATS:
+        raise ParameterError(f"pictures are .png or .svg files, not '{suffix}'")
+    metadata = {"Software": None} if kind == "png" else {"Date": None, "Creator": None}
+    sheet = io.BytesIO()
+    figure.savefig(sheet, format=kind, metadata=metadata)
+    return sheet.getvalue()
+
+
+def class_colours(labels: Iterable[str]) -> dict[str, str]:
+    """Give each class a colour, by the order of the names."""
+    ordered = sorted(set(labels))
+    return {label: CLASS_COLOURS[n % len(CLASS_COLOURS)] for n, label in enumerate(ordered)}

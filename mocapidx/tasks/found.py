@@ -1,0 +1,151 @@
+"""Hits and annotations as other commands printed them, read back from JSON lines or CSV."""
+
+import csv
+import io
+import json
+import math
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from mocapidx.errors import FormatError
+from mocapidx.printable import shown
+
+__all__ = ["Found", "read_found"]
+
+SIZE_LIMIT: Final = 256 << 20  # bytes
+NEEDED: Final = ("document", "start_time", "end_time", "label")
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """One hit or one annotation.
+
+    Parameters
+    ----------
+    document : str
+    label : str
+        The class.
+    start, end : float
+        In seconds.
+    cost : float
+        Smaller is better; 0 where the record has none.
+    ranked : bool
+        Whether it is a hit: annotations have no rank.
+    """
+
+    document: str
+    label: str
+    start: float
+    end: float
+    cost: float
+    ranked: bool
+
+
+def read_found(path: Path) -> tuple[Found, ...]:
+    """Read hits or annotations.
+
+    Parameters
+    ----------
+    path : Path
+        JSON lines or CSV, as ``--format jsonl`` and ``--format csv`` print them; ``-`` is the
+        standard input.
+
+    Returns
+    -------
+    tuple of Found
+        In the order of the file.
+
+    Raises
+    ------
+    FormatError
+        If it can't be read or is something else; the message names the line.
+    """
+    where = "standard input" if str(path) == "-" else shown(path)
+    text = _read_text(path, where)
+    if text.lstrip()[:1] == "{":
+        rows = _json_rows(text, where)
+    elif not text.strip():  # no hits as JSON lines
+        return ()
+    else:
+        rows = _csv_rows(text, where)
+    return tuple(_found(row, place) for row, place in rows)
+
+
+def _read_text(path: Path, where: str) -> str:
+    try:
+        if str(path) == "-":
+            data = sys.stdin.buffer.read(SIZE_LIMIT + 1)
+        else:
+            if not path.is_file():
+                raise FormatError(f"{where}: no such file, or no regular file")
+            with path.open("rb") as file:
+                data = file.read(SIZE_LIMIT + 1)
+    except OSError as exc:
+        raise FormatError(f"{where}: can't be read ({exc.strerror})") from exc
+    if len(data) > SIZE_LIMIT:
+        raise FormatError(f"{where}: larger than {SIZE_LIMIT >> 20} MiB")
+    return data.decode("utf-8-sig", "surrogateescape")
+
+
+def _json_rows(text: str, where: str) -> Iterator[tuple[Mapping[str, Any], str]]:
+    for number, line in enumerate(text.split("\n"), start=1):
+        if not line.strip():
+            continue
+        place = f"{where}:{number}"
+        try:
+            row = json.loads(line)
+        except (ValueError, RecursionError) as exc:
+            raise FormatError(f"{place}: not a JSON object on one line") from exc
+        if type(row) is not dict:
+            raise FormatError(f"{place}: not a JSON object on one line")
+        yield row, place
+
+
+def _csv_rows(text: str, where: str) -> Iterator[tuple[Mapping[str, Any], str]]:
+    rows = csv.reader(io.StringIO(text, newline=""), strict=True)
+    try:
+        header = next(rows, [])
+        if not {*NEEDED} <= {*header}:
+            raise FormatError(
+                f"{where}:1: neither JSON lines nor CSV of hits or annotations; print them with "
+                "--format jsonl"
+            )
+        for cells in rows:
+            place = f"{where}:{rows.line_num}"
+            if len(cells) != len(header):
+                raise FormatError(f"{place}: {len(cells)} values, the header names {len(header)}")
+            yield dict(zip(header, map(_unquoted, cells), strict=True)), place
+    except csv.Error as exc:
+        raise FormatError(f"{where}:{rows.line_num}: not CSV ({exc})") from exc
+
+
+def _unquoted(cell: str) -> str:
+    """Take away the mark that keeps spreadsheets from running a name as a formula."""
+    return cell[1:] if cell[:1] == "'" and cell[1:2] in {"=", "+", "-", "@"} else cell
+
+
+def _found(row: Mapping[str, Any], place: str) -> Found:
+    missing = [name for name in NEEDED if name not in row]
+    if missing:
+        raise FormatError(f"{place}: '{missing[0]}' is missing; not a hit or an annotation")
+    for name in ("document", "label"):
+        if type(row[name]) is not str:
+            raise FormatError(f"{place}: '{name}' is no text")
+    start, end = (_number(row[name], name, place) for name in ("start_time", "end_time"))
+    if not 0 <= start < end:
+        raise FormatError(f"{place}: goes from {start:g} s to {end:g} s")
+    cost = _number(row.get("cost", 0.0), "cost", place)
+    return Found(row["document"], row["label"], start, end, cost, "rank" in row)
+
+
+def _number(value: Any, name: str, place: str) -> float:
+    try:
+        number = float(value) if type(value) in (int, float, str) else math.nan
+    except (ValueError, OverflowError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise FormatError(f"{place}: '{name}' is no number: {shown(value, 40)}")
+    return number
