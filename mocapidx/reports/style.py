@@ -13,13 +13,25 @@ from mocapidx.printable import shown
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["ACCENT", "FAINT", "FORMATS", "INK", "class_colours", "drawing", "new_figure", "render"]
+__all__ = [
+    "ACCENT",
+    "FAINT",
+    "FORMATS",
+    "INCHES_A_CHARACTER",
+    "INK",
+    "class_colours",
+    "drawing",
+    "new_figure",
+    "render",
+]
 
 FORMATS: Final = ("png", "svg")
 INK: Final = "#222222"
 FAINT: Final = "#8a8a8a"
 ACCENT: Final = "#0072b2"
 DPI: Final = 150
+INCHES_A_CHARACTER: Final = 0.063
+"""Width of small letters, to leave room for names."""
 
 CLASS_COLOURS: Final = (
     "#4477aa", "#ee6677", "#228833", "#ccbb44", "#66ccee", "#aa3377",

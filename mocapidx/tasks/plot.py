@@ -13,15 +13,9 @@ from mocapidx.errors import FormatError, ParameterError
 from mocapidx.features.featureset import FeatureSet
 from mocapidx.model import WordArray
 from mocapidx.printable import shown
-from mocapidx.reports.plots import (
-    Curve,
-    Span,
-    Track,
-    annotation_picture,
-    distance_picture,
-    template_picture,
-)
+from mocapidx.reports.matrices import template_picture
 from mocapidx.reports.style import FORMATS
+from mocapidx.reports.timelines import Curve, Span, Track, annotation_picture, distance_picture
 from mocapidx.store.read import open_store
 from mocapidx.store.schema import MANIFEST
 from mocapidx.tasks.found import read_found

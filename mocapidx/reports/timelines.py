@@ -1,23 +1,22 @@
-"""Pictures: templates as matrices, distance functions and annotations over time."""
+"""Distance functions and annotations over time as pictures."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from mocapidx.model import FloatArray
 from mocapidx.printable import shown
 from mocapidx.reports.style import (
-    ACCENT,
     FAINT,
+    INCHES_A_CHARACTER,
     INK,
     class_colours,
     drawing,
     new_figure,
     render,
 )
-from mocapidx.templates.edit import decided_entries
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,17 +28,12 @@ __all__ = [
     "Track",
     "annotation_picture",
     "distance_picture",
-    "template_picture",
 ]
 
 MOST_POINTS: Final = 6000
 """Points of a curve; more are drawn as the lowest and highest of as many stretches."""
 
-UNDECIDED_DARK: Final = np.array([0.62, 0.30, 0.00])
-UNDECIDED_LIGHT: Final = np.array([1.00, 0.86, 0.62])
-HIGHEST_COST: Final = 0.5
 NAME_LENGTH: Final = 40
-INCHES_A_CHARACTER: Final = 0.063
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,132 +94,6 @@ class Track:
     truth: tuple[Span, ...] = field(default=())
 
 
-def template_picture(
-    matrix: FloatArray,
-    delta: float,
-    names: Sequence[str],
-    parts: Sequence[str],
-    rate: float,
-    *,
-    title: str,
-    subtitle: str = "",
-    keyframes: Sequence[int] = (),
-    suffix: str = "png",
-) -> bytes:
-    """Draw a template: rows are features, columns are frames, black is 0 and white is 1.
-
-    Parameters
-    ----------
-    matrix : ndarray of float64, shape (K, F)
-        The template; undecided entries are drawn in colour, darker towards 0.
-    delta : float
-        What is below `delta` or above ``1 - delta`` is decided.
-    names : sequence of str, length F
-        Of the features.
-    parts : sequence of str, length F
-        Features of one part stand together.
-    rate : float
-        In Hz.
-    title, subtitle : str
-    keyframes : sequence of int
-        Columns that are marked.
-    suffix : {"png", "svg"}
-
-    Returns
-    -------
-    bytes
-        Of the file.
-
-    References
-    ----------
-    .. [1] Mueller, Roeder, "Motion templates for automatic classification and retrieval of
-       motion capture data", SCA 2006, figures 4 and 6.
-    """
-    frames, features = matrix.shape
-    margin = INCHES_A_CHARACTER * max(map(len, names))
-    order = sorted(range(features), key=lambda i: list(dict.fromkeys(parts)).index(parts[i]))
-    with drawing():
-        width = float(np.clip(0.055 * frames, 3.6, 14.0))
-        figure = new_figure(margin + width + 0.9, 0.155 * features + 1.7, title)
-        axes = figure.add_subplot()
-        axes.imshow(
-            _entry_colours(matrix, delta)[order],
-            aspect="auto",
-            interpolation="nearest",
-            extent=(0, frames, features, 0),
-        )
-        axes.set_yticks(np.arange(features) + 0.5, [names[i] for i in order])
-        axes.tick_params(axis="y", length=0, labelsize=7)
-        _divide_rows(axes, [parts[i] for i in order], frames)
-        axes.set_xlabel("frame of the template")
-        _seconds_above(axes, rate)
-        for row in keyframes:
-            axes.axvspan(row, row + 1, facecolor="none", edgecolor=ACCENT, linewidth=1.2)
-        if subtitle:
-            axes.set_title(shown(subtitle, None), loc="left", color=FAINT, fontsize=7.5)
-        _entry_legend(figure, bool(keyframes))
-        return render(figure, suffix)
-
-
-def _entry_colours(matrix: FloatArray, delta: float) -> FloatArray:
-    """RGB of each entry, shape (F, K, 3): grey where decided, else between two oranges."""
-    value = matrix.T[..., None]
-    ones, zeros = decided_entries(matrix, delta)
-    undecided = UNDECIDED_DARK + value * (UNDECIDED_LIGHT - UNDECIDED_DARK)
-    return np.where((ones | zeros).T[..., None], np.repeat(value, 3, axis=2), undecided)
-
-
-def _divide_rows(axes: "Axes", parts: Sequence[str], frames: int) -> None:
-    """Draw a line between features, a strong one between parts, and name the parts."""
-    first = 0
-    for row in range(1, len(parts) + 1):
-        border = row == len(parts) or parts[row] != parts[row - 1]
-        axes.axhline(row, color=ACCENT if border else FAINT, linewidth=1.0 if border else 0.25)
-        if border:
-            axes.annotate(
-                shown(parts[first]),
-                (frames, (first + row) / 2),
-                xytext=(4, 0),
-                textcoords="offset points",
-                rotation=-90,
-                va="center",
-                color=ACCENT,
-                annotation_clip=False,
-            )
-            first = row
-
-
-def _seconds_above(axes: "Axes", rate: float) -> None:
-    def to_seconds(frames: Any) -> Any:
-        return frames / rate
-
-    def to_frames(seconds: Any) -> Any:
-        return seconds * rate
-
-    axes.secondary_xaxis("top", functions=(to_seconds, to_frames)).set_xlabel("seconds")
-
-
-def _entry_legend(figure: "Figure", with_keyframes: bool) -> None:
-    from matplotlib.patches import Patch
-
-    middle = tuple((UNDECIDED_DARK + UNDECIDED_LIGHT) / 2)
-    patches = [
-        Patch(facecolor="white", edgecolor=FAINT, label="1"),
-        Patch(facecolor="black", edgecolor=FAINT, label="0"),
-        Patch(facecolor=middle, edgecolor=FAINT, label="undecided (darker: nearer 0)"),
-    ]
-    if with_keyframes:
-        patches.append(Patch(facecolor="none", edgecolor=ACCENT, label="keyframe"))
-    figure.legend(
-        handles=patches,
-        loc="outside lower right",
-        ncols=len(patches),
-        frameon=False,
-        handlelength=1.2,
-        columnspacing=1.2,
-    )
-
-
 def distance_picture(
     curves: Sequence[Curve],
     rate: float,
@@ -274,10 +142,8 @@ def distance_picture(
             _bare(panels[0])
             panels[0].set_ylim(0, 1)
             panels[0].set_ylabel("labels", rotation=0, ha="right", va="center")
-        top = _highest(curves)
         for panel, curve in zip(panels[strips:], curves, strict=True):
             _draw_curve(panel, curve, rate, colours[curve.label])
-            panel.set_ylim(0, top)
         for panel in panels:
             panel.set_xlim(0, duration)
             for border in borders:
@@ -286,13 +152,6 @@ def distance_picture(
                 panel.tick_params(labelbottom=False)
         panels[-1].set_xlabel("seconds")
         return render(figure, suffix)
-
-
-def _highest(curves: Sequence[Curve]) -> float:
-    """Upper end of the axis of costs, the same for all panels."""
-    finite = np.concatenate([curve.costs[np.isfinite(curve.costs)] for curve in curves])
-    tau = max(curve.tau for curve in curves)
-    return max(min(1.05 * float(finite.max(initial=0.0)), HIGHEST_COST), 1.6 * tau, 0.02)
 
 
 def _draw_curve(axes: "Axes", curve: Curve, rate: float, colour: str) -> None:
@@ -312,6 +171,8 @@ def _draw_curve(axes: "Axes", curve: Curve, rate: float, colour: str) -> None:
         markeredgewidth=0.6,
     )
     axes.axhline(curve.tau, color=colour, linewidth=0.9, linestyle=(0, (4, 2)))
+    highest = float(curve.costs[np.isfinite(curve.costs)].max(initial=0.0))
+    axes.set_ylim(0, max(1.05 * highest, 1.6 * curve.tau))
     axes.set_ylabel("cost")
     axes.set_title(shown(curve.label, NAME_LENGTH), loc="left")
     axes.annotate(
