@@ -52,6 +52,20 @@ STEPS = ("weighted", "printed")
     help="Keep hits that another class of the same file explains better.",
 )
 @click.option(
+    "--keyframes",
+    default="none",
+    show_default=True,
+    metavar="none|auto|COLUMNS",
+    help="Match only where keyframes follow one another: the template's own, or columns of it, "
+    "from 0, such as 8,44. That can lose hits.",
+)
+@click.option(
+    "--keyframe-tolerance",
+    type=click.IntRange(min=0),
+    metavar="N",
+    help="Entries of a keyframe that may disagree.  [default: the template's, else 3]",
+)
+@click.option(
     "--profile",
     type=click.Path(dir_okay=False, path_type=Path),
     metavar="FILE.csv",
@@ -68,6 +82,8 @@ def retrieve(
     top: int | None,
     steps: Any,
     rivals: bool,
+    keyframes: str,
+    keyframe_tolerance: int | None,
     profile: Path | None,
     row_format: str,
     output: Path,
@@ -83,10 +99,18 @@ def retrieve(
       mocapidx retrieve takes.store --templates sports.h5 --class squat --top 20
     """
     from mocapidx.tasks.records import HIT_COLUMNS, hit_record
-    from mocapidx.tasks.retrieve import RetrieveOptions
+    from mocapidx.tasks.retrieve import RetrieveOptions, parse_keyframes
     from mocapidx.tasks.retrieve import retrieve as retrieve_class
 
-    options = RetrieveOptions(tau=tau, delta=delta, top=top, steps=steps, rivals=rivals)
+    options = RetrieveOptions(
+        tau=tau,
+        delta=delta,
+        top=top,
+        steps=steps,
+        rivals=rivals,
+        keyframes=parse_keyframes(keyframes),
+        keyframe_tolerance=keyframe_tolerance,
+    )
     found = retrieve_class(store, templates, label, options, profile=profile)
     for remark in found.remarks:
         note(f"Note: {remark}", quiet)

@@ -2,10 +2,12 @@
 
 import itertools
 import math
+import re
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
@@ -14,17 +16,21 @@ from mocapidx.durable import durable_replace
 from mocapidx.errors import ParameterError
 from mocapidx.model import Hit
 from mocapidx.printable import shown
-from mocapidx.store.read import open_store
+from mocapidx.store.read import Snapshot, open_store
 from mocapidx.tasks.hits import make_hit
 from mocapidx.tasks.records import render_records
-from mocapidx.tasks.store_words import WordBatch, check_store, store_batches
+from mocapidx.tasks.segment_sources import document_groups, segment_source, store_feature_set
+from mocapidx.tasks.store_words import WordBatch, check_store, piece_batches, store_batches
 from mocapidx.templates.file import load_templates
+from mocapidx.templates.keyframes import TOLERANCE, Keyframes, choose_keyframes, preselect
 from mocapidx.templates.match import Hits, Matching, find_hits, match_documents, merge_hits
-from mocapidx.templates.quantise import quantise
+from mocapidx.templates.quantise import Quantised, quantise
 from mocapidx.templates.template import TAU, MotionTemplate, TemplateSet
 from mocapidx.templates.thresholds import beaten_by_rivals
 
-__all__ = ["RetrieveOptions", "Retrieved", "retrieve"]
+__all__ = ["KeyframeChoice", "RetrieveOptions", "Retrieved", "parse_keyframes", "retrieve"]
+
+KeyframeChoice: TypeAlias = Literal["none", "auto"] | tuple[int, ...]
 
 PROFILE_COLUMNS: Final = ("document", "frame", "time", "cost")
 
@@ -46,6 +52,11 @@ class RetrieveOptions:
         steps, as in the paper, the ends of documents are not padded either.
     rivals : bool
         Drop a hit that another class of the same file explains better.
+    keyframes : {"none", "auto"} or tuple of int
+        Match everything; or only where keyframes follow one another: the template's own or, where
+        it has none, rows chosen by rule; or these rows, from 0. That can lose hits.
+    keyframe_tolerance : int, optional
+        Entries of a keyframe that may disagree; default the template's, else 3.
 
     Raises
     ------
@@ -58,12 +69,16 @@ class RetrieveOptions:
     top: int | None = None
     steps: Steps = "weighted"
     rivals: bool = True
+    keyframes: KeyframeChoice = "none"
+    keyframe_tolerance: int | None = None
 
     def __post_init__(self) -> None:
         if self.tau is not None and not (math.isfinite(self.tau) and self.tau > 0):
             raise ParameterError(f"tau must be above 0, got {self.tau}")
         if self.top is not None and self.top < 1:
             raise ParameterError(f"top must be at least 1, got {self.top}")
+        if self.keyframe_tolerance is not None and self.keyframe_tolerance < 0:
+            raise ParameterError(f"tolerance must be 0 or more, got {self.keyframe_tolerance}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +95,23 @@ class Retrieved:
 
     hits: tuple[Hit, ...]
     remarks: tuple[str, ...]
+
+
+def parse_keyframes(text: str) -> KeyframeChoice:
+    """Understand ``none``, ``auto`` or columns of a template such as ``8,44``.
+
+    Raises
+    ------
+    ParameterError
+        If the text is none of these.
+    """
+    if text in ("none", "auto"):
+        return "none" if text == "none" else "auto"
+    if not re.fullmatch(r"[0-9]{1,6}(,[0-9]{1,6})*", text, re.ASCII):
+        raise ParameterError(
+            f"--keyframes {shown(text)}: expected none, auto or columns such as 8,44"
+        )
+    return tuple(sorted({int(column) for column in text.split(",")}))
 
 
 def retrieve(
@@ -125,10 +157,15 @@ def retrieve(
         others = (other for other in known.labels if other != label)
         rivals = tuple(t for other in others for t in known.of(other) if t.kind == "class")
     found: list[Hit] = []
-    curves: list[tuple[str, CostArray]] = []
+    curves: list[tuple[str, int, CostArray]] = []
+    remarks = list(_remarks(own, label, options))
     with open_store(store) as snapshot:
         check_store(snapshot, known)
-        for batch in store_batches(snapshot):
+        if options.keyframes == "none":
+            batches = store_batches(snapshot)
+        else:
+            batches = _preselected(snapshot, own, options, remarks)
+        for batch in batches:
             matchings = [_match(template, batch, options) for template in own]
             hits = _hits(own, matchings, options, top=None if rivals else options.top)
             if rivals and len(hits.costs):
@@ -139,7 +176,54 @@ def retrieve(
     found.sort(key=lambda hit: (hit.cost, hit.document, hit.start_frame))
     if profile is not None:
         durable_replace(profile, _profile_chunks(curves, known.rate))
-    return Retrieved(tuple(found[: options.top]), tuple(_remarks(own, label, options)))
+    return Retrieved(tuple(found[: options.top]), tuple(remarks))
+
+
+def _preselected(
+    snapshot: Snapshot,
+    own: Sequence[MotionTemplate],
+    options: RetrieveOptions,
+    remarks: list[str],
+) -> Iterator[WordBatch]:
+    """Read only where the keyframes of the class follow one another; say in the end how much."""
+    if len(own) > 1:
+        raise ParameterError(f"'{shown(own[0].label)}' has several templates; use no keyframes")
+    template = own[0]
+    quantised = quantise(template.matrix, _delta(template, options))
+    keyframes = _keyframes(template, quantised, options)
+    feature_set = store_feature_set(snapshot)
+    kept = total = 0
+    spent = 0.0
+    for file in snapshot.files:
+        source = segment_source(snapshot, file, feature_set)
+        for group in document_groups(file):
+            started = time.perf_counter()
+            trusted = quantised.without(group.untrusted)
+            pieces = preselect(trusted, keyframes, source, options.steps == "weighted")
+            pieces = pieces.of(group.documents)
+            spent += time.perf_counter() - started
+            kept += int((pieces.ends - pieces.starts).sum())
+            total += int(source.lengths[group.documents].sum())
+            yield from piece_batches(snapshot, file, pieces, group.untrusted)
+    rows = ", ".join(map(str, keyframes.rows))
+    remarks.append(
+        f"keyframes {rows} with up to {keyframes.tolerance} disagreeing entries left "
+        f"{100 * kept / max(total, 1):.1f} % of the motion in {spent:.2f} s; this can lose hits, "
+        "--keyframes none can't"
+    )
+
+
+def _keyframes(
+    template: MotionTemplate, quantised: Quantised, options: RetrieveOptions
+) -> Keyframes:
+    tolerance = options.keyframe_tolerance
+    if isinstance(options.keyframes, tuple):
+        return Keyframes(options.keyframes, TOLERANCE if tolerance is None else tolerance)
+    if not template.keyframes:
+        return choose_keyframes(quantised, tolerance=TOLERANCE if tolerance is None else tolerance)
+    return Keyframes(
+        template.keyframes, template.keyframe_tolerance if tolerance is None else tolerance
+    )
 
 
 def _class_templates(known: TemplateSet, label: str) -> tuple[MotionTemplate, ...]:
@@ -150,10 +234,14 @@ def _class_templates(known: TemplateSet, label: str) -> tuple[MotionTemplate, ..
 
 
 def _match(template: MotionTemplate, batch: WordBatch, options: RetrieveOptions) -> Matching:
-    delta = template.delta if options.delta is None else options.delta
-    quantised = quantise(template.matrix, delta).without(batch.untrusted)
-    padded = options.steps == "weighted"  # the paper's own matching knows no padding
+    quantised = quantise(template.matrix, _delta(template, options)).without(batch.untrusted)
+    # The paper's own matching knows no padding.
+    padded = batch.at_ends if options.steps == "weighted" else False
     return match_documents(quantised, batch.words, batch.bounds, options.steps, padded)
+
+
+def _delta(template: MotionTemplate, options: RetrieveOptions) -> float:
+    return template.delta if options.delta is None else options.delta
 
 
 def _threshold(template: MotionTemplate, options: RetrieveOptions) -> float:
@@ -204,23 +292,28 @@ def _unbeaten(
 def _described(hits: Hits, batch: WordBatch, rate: float, label: str) -> Iterator[Hit]:
     columns = (hits.documents, hits.starts, hits.ends, hits.costs)
     for number, start, end, cost in zip(*(c.tolist() for c in columns), strict=True):
-        yield make_hit(batch.documents[number], start, end, rate, cost, label)
+        first = int(batch.starts[number])
+        yield make_hit(batch.documents[number], first + start, first + end, rate, cost, label)
 
 
-def _curves(batch: WordBatch, matchings: Sequence[Matching]) -> Iterator[tuple[str, CostArray]]:
+def _curves(
+    batch: WordBatch, matchings: Sequence[Matching]
+) -> Iterator[tuple[str, int, CostArray]]:
+    """Give document, first frame and lowest costs of each piece."""
     lowest = np.minimum.reduce([matching.costs for matching in matchings])
     spans = itertools.pairwise(batch.bounds.tolist())
-    for document, (start, stop) in zip(batch.documents, spans, strict=True):
-        yield document.name, lowest[start:stop]
+    names = (document.name for document in batch.documents)
+    for name, first, (start, stop) in zip(names, batch.starts.tolist(), spans, strict=True):
+        yield name, first, lowest[start:stop]
 
 
-def _profile_chunks(curves: Sequence[tuple[str, CostArray]], rate: float) -> Iterator[bytes]:
+def _profile_chunks(curves: Sequence[tuple[str, int, CostArray]], rate: float) -> Iterator[bytes]:
     """Give the profile as CSV, one document after the other in the order of their names."""
     yield from (f"{line}\n".encode() for line in render_records([], "csv", PROFILE_COLUMNS))
-    for name, costs in sorted(curves, key=lambda curve: curve[0]):
+    for name, first, costs in sorted(curves, key=lambda curve: curve[:2]):
         rows = (
             {"document": name, "frame": frame, "time": round(frame / rate, 6), "cost": cost}
-            for frame, cost in enumerate(map(_finite, costs.tolist()))
+            for frame, cost in enumerate(map(_finite, costs.tolist()), start=first)
         )
         lines = itertools.islice(render_records(rows, "csv", PROFILE_COLUMNS), 1, None)
         yield "".join(f"{line}\n" for line in lines).encode()

@@ -8,15 +8,16 @@ from typing import Final
 import numpy as np
 
 from mocapidx.errors import StoreError
-from mocapidx.model import IndexArray, WordArray
+from mocapidx.model import BoolArray, IndexArray, WordArray
 from mocapidx.printable import shown
 from mocapidx.store.manifest import Document, Placed, SegmentFile
 from mocapidx.store.read import Snapshot
 from mocapidx.store.schema import FRAME_WORDS
 from mocapidx.tasks.segment_sources import untrusted_mask
+from mocapidx.templates.keyframes import Pieces
 from mocapidx.templates.template import TemplateSet
 
-__all__ = ["WordBatch", "check_store", "document_words", "store_batches"]
+__all__ = ["WordBatch", "check_store", "document_words", "piece_batches", "store_batches"]
 
 BATCH_FRAMES: Final = 1 << 19
 """Frames that are read and matched together: 4 MiB of words."""
@@ -24,42 +25,38 @@ BATCH_FRAMES: Final = 1 << 19
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WordBatch:
-    """Documents of one segment file end to end, all with the same untrusted features.
+    """Documents, or pieces of them, end to end, all with the same untrusted features.
 
     Parameters
     ----------
     documents : tuple of Document
-    file : SegmentFile
-        The file that they stand in.
-    ordinals : ndarray of int64, shape (D,)
-        Their numbers in the file.
+        Of one segment file; one with several pieces stands several times.
+    starts : ndarray of int64, shape (D,)
+        The first frame of each piece in its document.
     words : ndarray of uint64, shape (T,)
     bounds : ndarray of int64, shape (D + 1,)
-        In frames; document ``d`` is ``bounds[d]`` up to, not including, ``bounds[d + 1]``.
+        In frames; piece ``d`` is ``bounds[d]`` up to, not including, ``bounds[d + 1]``.
     untrusted : int
         Mask of the features that the documents can't tell.
     """
 
     documents: tuple[Document, ...]
-    file: SegmentFile
-    ordinals: IndexArray
+    starts: IndexArray
     words: WordArray
     bounds: IndexArray
     untrusted: int
 
-    def select(self, documents: IndexArray) -> "WordBatch":
-        """Leave some of the documents, given by their numbers in this batch, ascending."""
-        spans = [slice(self.bounds[d], self.bounds[d + 1]) for d in documents.tolist()]
-        words = np.concatenate([self.words[span] for span in spans])
-        lengths = np.diff(self.bounds)[documents]
-        return WordBatch(
-            tuple(self.documents[d] for d in documents.tolist()),
-            self.file,
-            self.ordinals[documents],
-            words,
-            np.concatenate(([0], np.cumsum(lengths))),
-            self.untrusted,
-        )
+    @property
+    def at_ends(self) -> tuple[BoolArray, BoolArray]:
+        """Which pieces begin and which end where their document does, each of shape (D,)."""
+        ends = self.starts + np.diff(self.bounds)
+        return self.starts == 0, ends == [document.frames for document in self.documents]
+
+    def select(self, numbers: IndexArray) -> "WordBatch":
+        """Leave some of the pieces, given by their numbers, ascending."""
+        words = [self.words[self.bounds[n] : self.bounds[n + 1]] for n in numbers.tolist()]
+        documents = tuple(self.documents[n] for n in numbers.tolist())
+        return _joined(documents, self.starts[numbers], words, self.untrusted)
 
 
 def check_store(store: Snapshot, templates: TemplateSet) -> None:
@@ -107,16 +104,56 @@ def store_batches(store: Snapshot) -> Iterator[WordBatch]:
 
 
 def _batch(store: Snapshot, piece: Sequence[Placed], untrusted: int) -> WordBatch:
-    words = _read(store, piece)
+    documents = tuple(placed.document for placed in piece)
+    starts = np.zeros(len(piece), dtype=np.int64)
+    return _joined(documents, starts, _read(store, piece), untrusted)
+
+
+def _joined(
+    documents: tuple[Document, ...], starts: IndexArray, words: Sequence[WordArray], untrusted: int
+) -> WordBatch:
     bounds = np.concatenate(([0], np.cumsum([len(each) for each in words]))).astype(np.int64)
-    return WordBatch(
-        tuple(placed.document for placed in piece),
-        piece[0].file,
-        np.array([placed.ordinal for placed in piece], dtype=np.int64),
-        np.concatenate(words),
-        bounds,
-        untrusted,
+    return WordBatch(documents, starts, np.concatenate(words), bounds, untrusted)
+
+
+def piece_batches(
+    store: Snapshot, file: SegmentFile, pieces: Pieces, untrusted: int
+) -> Iterator[WordBatch]:
+    """Read pieces of documents of one segment file, a bounded number of frames at a time.
+
+    Parameters
+    ----------
+    store : Snapshot
+    file : SegmentFile
+    pieces : Pieces
+    untrusted : int
+        Mask of the features that their documents can't tell.
+
+    Yields
+    ------
+    WordBatch
+    """
+    placed = list(file.placed())
+    rows = zip(pieces.documents.tolist(), pieces.starts.tolist(), pieces.ends.tolist(), strict=True)
+    near = itertools.groupby(
+        rows, lambda row: (placed[row[0]].frame_offset + row[1]) // BATCH_FRAMES
     )
+    for _, some in near:
+        group = list(some)
+        first, last = group[0], group[-1]
+        start = placed[first[0]].frame_offset + first[1]
+        stop = placed[last[0]].frame_offset + last[2]
+        words = store.array(file, FRAME_WORDS.path, start, stop).astype(np.uint64)
+        parts = [
+            words[placed[document].frame_offset + low - start :][: high - low]
+            for document, low, high in group
+        ]
+        yield _joined(
+            tuple(placed[document].document for document, _, _ in group),
+            np.array([low for _, low, _ in group], dtype=np.int64),
+            parts,
+            untrusted,
+        )
 
 
 def document_words(store: Snapshot, documents: Iterable[Placed]) -> list[WordArray]:

@@ -8,7 +8,9 @@ import numpy as np
 
 from mocapidx.features.words import unpack_words
 from mocapidx.model import BoolArray, FloatArray
+from mocapidx.templates.keyframes import learn_keyframes
 from mocapidx.templates.learn import Learned, learn_template
+from mocapidx.templates.quantise import Quantised, quantise
 from mocapidx.templates.repetitions import learn_repetitions
 from mocapidx.templates.template import MotionTemplate
 from mocapidx.templates.thresholds import Clip, Threshold, learn_threshold
@@ -114,6 +116,14 @@ def learn_class(job: ClassMotion) -> LearnedClass:
         If an example is too short or too long.
     """
     found = _templates(job, range(len(job.examples)))
+    held_out: list[tuple[Quantised, list[Clip]]] = []
+
+    def learn(numbers: Sequence[int]) -> FloatArray:
+        matrix = _templates(job, numbers).combined.matrix
+        left = [clip for number, clip in enumerate(job.examples) if number not in numbers]
+        held_out.append((quantise(matrix, job.delta), left))
+        return matrix
+
     threshold = learn_threshold(
         found.combined.matrix,
         job.delta,
@@ -121,7 +131,10 @@ def learn_class(job: ClassMotion) -> LearnedClass:
         _folds(job.groups),
         job.others,
         job.background,
-        lambda numbers: _templates(job, numbers).combined.matrix,
+        learn,
+    )
+    keyframes = learn_keyframes(
+        quantise(found.combined.matrix, job.delta), held_out, job.others + job.background
     )
     looping = job.repetitions == "auto"
     template = MotionTemplate(
@@ -138,6 +151,8 @@ def learn_class(job: ClassMotion) -> LearnedClass:
         background_cost=threshold.background_cost,
         tau=threshold.tau,
         looping=looping,
+        keyframes=() if keyframes is None else keyframes.rows,
+        keyframe_tolerance=0 if keyframes is None else keyframes.tolerance,
     )
     stretches = tuple(
         replace(
@@ -151,6 +166,8 @@ def learn_class(job: ClassMotion) -> LearnedClass:
             positive_cost=None,
             background_cost=None,
             tau=None,
+            keyframes=(),
+            keyframe_tolerance=0,
         )
         for learned, name in zip(found.stretches, job.names, strict=False)
     )

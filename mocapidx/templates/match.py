@@ -15,7 +15,7 @@ from mocapidx.alignment.subsequence import (
     subsequence_starts,
 )
 from mocapidx.errors import ParameterError
-from mocapidx.model import IndexArray, WordArray
+from mocapidx.model import BoolArray, IndexArray, WordArray
 from mocapidx.templates.quantise import Quantised, quantise
 from mocapidx.templates.template import MotionTemplate
 
@@ -24,6 +24,7 @@ __all__ = [
     "Hits",
     "Matching",
     "distance_function",
+    "end_padding",
     "find_hits",
     "local_minima",
     "lowest_costs",
@@ -58,7 +59,7 @@ class Matching:
     laid_first : ndarray of int64, shape (D,)
         Where each document's first frame stands among them.
     padding : ndarray of int64, shape (D,)
-        Frames repeated at each end of a document.
+        How often each document's last frame is repeated.
     """
 
     costs: CostArray
@@ -127,7 +128,7 @@ def match_documents(
     words: WordArray,
     bounds: IndexArray,
     steps: Steps = "weighted",
-    padded: bool = True,
+    padded: bool | tuple[BoolArray, BoolArray] = True,
 ) -> Matching:
     """Match one template with many documents in one pass; no match crosses documents.
 
@@ -139,10 +140,10 @@ def match_documents(
     bounds : ndarray of int64, shape (D + 1,)
         Where documents begin and end; none is empty.
     steps : {"weighted", "printed"}
-    padded : bool
-        Repeat the first and the last frame of each document by a twentieth of the template, and
-        of a document that is shorter than half the template until it is not. A match that ends
-        in the repeated frames counts as one that ends at the last frame.
+    padded : bool or pair of ndarray of bool, each of shape (D,)
+        Repeat the first and the last frame of each document, as `end_padding` says. A match that
+        ends in the repeated frames counts as one that ends at the last frame. As a pair: those
+        whose first frames, and those whose last frames are repeated.
 
     Returns
     -------
@@ -157,13 +158,12 @@ def match_documents(
     if bounds[0] != 0 or bounds[-1] != len(words) or (lengths <= 0).any():
         raise ParameterError("bounds must rise from 0 to the number of words")
     rows = len(quantised.ones)
-    padding = np.zeros_like(lengths)
-    if padded:
-        missing = shortest_match(rows) - lengths
-        padding = np.maximum(np.ceil(PADDING * rows), -(-missing // 2)).astype(np.int64)
-    spans = lengths + 2 * padding + 2
+    repeated = end_padding(lengths, rows)
+    at_first, at_last = padded if isinstance(padded, tuple) else (padded, padded)
+    front, padding = repeated * at_first, repeated * at_last
+    spans = front + lengths + padding + 2
     ends = np.cumsum(spans)
-    first = ends - spans + padding
+    first = ends - spans + front
     document = np.repeat(np.arange(len(lengths)), spans)
     frame = np.clip(np.arange(len(document)) - first[document], 0, lengths[document] - 1)
     laid_words = words[bounds[document] + frame]
@@ -176,6 +176,26 @@ def match_documents(
     tails = np.minimum.reduceat(laid_costs, np.column_stack((last, ends - 2)).ravel())[::2]
     costs[bounds[1:] - 1] = tails
     return Matching(costs, bounds, quantised, steps, laid_words, laid_costs, breaks, first, padding)
+
+
+def end_padding(lengths: IndexArray, rows: int) -> IndexArray:
+    """Say how often the first and the last frame of a document are repeated for matching.
+
+    Parameters
+    ----------
+    lengths : ndarray of int64, shape (D,)
+        Frames of each document.
+    rows : int
+        Rows of the template.
+
+    Returns
+    -------
+    ndarray of int64, shape (D,)
+        A twentieth of the template, and for a document that is too short to be found until it
+        is not.
+    """
+    missing = shortest_match(rows) - lengths
+    return np.maximum(np.ceil(PADDING * rows), -(-missing // 2)).astype(np.int64)
 
 
 def lowest_costs(matching: Matching) -> CostArray:

@@ -6,7 +6,7 @@ import pytest
 
 from mocapidx.errors import ParameterError, StoreError
 from mocapidx.tasks.learn import find_labels, learn_classes, save_learning
-from mocapidx.tasks.retrieve import RetrieveOptions, retrieve
+from mocapidx.tasks.retrieve import RetrieveOptions, parse_keyframes, retrieve
 from tests.made_words import GESTURES, gesture, make_word_store, rest
 from tests.tasks.test_learn import clips
 
@@ -150,3 +150,40 @@ def test_a_class_that_is_not_there_is_told(store, templates):
 def test_options_out_of_range_are_refused(values):
     with pytest.raises(ParameterError):
         RetrieveOptions(**values)
+
+
+@pytest.mark.parametrize("label", GESTURES)
+def test_keyframes_look_at_less_and_say_so(store, templates, label):
+    full = retrieve(store, templates, label)
+    some = retrieve(store, templates, label, RetrieveOptions(keyframes="auto"))
+    assert [(hit.document, hit.end_frame) for hit in some.hits] == [
+        (hit.document, hit.end_frame) for hit in full.hits
+    ]
+    assert not full.remarks
+    assert "% of the motion" in some.remarks[0]
+    assert "can lose hits" in some.remarks[0]
+
+
+def test_keyframes_can_be_chosen_by_hand(store, templates, tmp_path):
+    options = RetrieveOptions(keyframes=(0, 20), keyframe_tolerance=1)
+    found = retrieve(store, templates, "kick", options, profile=tmp_path / "p.csv")
+    assert "keyframes 0, 20 with up to 1 disagreeing" in found.remarks[0]
+    whole = retrieve(store, templates, "kick", profile=tmp_path / "q.csv")
+    assert {hit.document for hit in found.hits} <= {hit.document for hit in whole.hits}
+    lines = set((tmp_path / "p.csv").read_text().splitlines())
+    assert 1 < len(lines) < len((tmp_path / "q.csv").read_text().splitlines())
+    with pytest.raises(ParameterError, match="keyframes must be"):
+        retrieve(store, templates, "kick", RetrieveOptions(keyframes=(4000,)))
+
+
+@pytest.mark.parametrize(
+    ("text", "choice"), [("none", "none"), ("auto", "auto"), ("8", (8,)), ("44,8,8", (8, 44))]
+)
+def test_keyframes_are_understood(text, choice):
+    assert parse_keyframes(text) == choice
+
+
+@pytest.mark.parametrize("text", ["", "8,", "-1", "1.5", "some", "٣"])
+def test_other_words_for_keyframes_are_refused(text):
+    with pytest.raises(ParameterError, match="expected none, auto or columns"):
+        parse_keyframes(text)
