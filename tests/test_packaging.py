@@ -2,6 +2,7 @@
 
 import tomllib
 from fnmatch import fnmatch
+from itertools import chain
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
@@ -28,7 +29,7 @@ def test_every_data_file_of_a_package_is_installed():
 def test_every_dependency_tells_its_reason_and_its_oldest_version():
     lines = (ROOT / "pyproject.toml").read_text().splitlines()
     project = SETTINGS["project"]
-    wanted = project["dependencies"] + sum(project["optional-dependencies"].values(), [])
+    wanted = [*project["dependencies"], *chain(*project["optional-dependencies"].values())]
     for dependency in wanted:
         line = next(line for line in lines if f'"{dependency}"' in line)
         assert ">=" in dependency
