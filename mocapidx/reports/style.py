@@ -32,6 +32,7 @@ ACCENT: Final = "#0072b2"
 DPI: Final = 150
 INCHES_A_CHARACTER: Final = 0.063
 """Width of small letters, to leave room for names."""
+INCHES_A_TITLE_CHARACTER: Final = 0.105
 
 CLASS_COLOURS: Final = (
     "#4477aa", "#ee6677", "#228833", "#ccbb44", "#66ccee", "#aa3377",
@@ -81,7 +82,8 @@ def new_figure(width: float, height: float, title: str) -> "Figure":
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width, height), layout="constrained")
-    figure.suptitle(shown(title), x=0.008, ha="left", fontsize=11.0, fontweight="bold")
+    fitting = int((width - 0.2) / INCHES_A_TITLE_CHARACTER)
+    figure.suptitle(shown(title, fitting), x=0.008, ha="left", fontsize=11.0, fontweight="bold")
     return figure
 
 

@@ -161,7 +161,7 @@ def draw_distances(
     data = distance_picture(
         curves,
         known.rate,
-        title=", ".join(each.name for each in taken),
+        title=taken[0].name if len(taken) == 1 else f"{len(taken)} documents end to end",
         borders=offsets[1:-1].tolist(),
         truth=truth,
         suffix=suffix,
