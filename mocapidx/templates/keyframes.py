@@ -33,8 +33,9 @@ TOLERANCE: Final = 3
 """Disagreeing entries at which most hits are kept; exact agreement loses most of them."""
 
 USUAL_COUNT: Final = 2
-CANDIDATES: Final = 12  # rows among which keyframes are learned
+CANDIDATES: Final = 8  # rows among which keyframes are learned
 TOLERANCES: Final = range(6)
+MARGIN: Final = 1  # entries by which unseen people may disagree more than the examples left out
 
 
 @dataclass(frozen=True, slots=True)
@@ -256,12 +257,13 @@ def learn_keyframes(
         for own, clips in examples:
             scaled = [_scaled(row, len(quantised.ones), len(own.ones)) for row in rows]
             kept += (_kept_frames(own, scaled, choices, tolerance, clips) > 0).sum(axis=1)
-        left = _kept_frames(quantised, rows, choices, tolerance, others).sum(axis=1)
+        left = _kept_frames(quantised, rows, choices, tolerance + MARGIN, others).sum(axis=1)
         shares = np.round(left / others.real.sum(), 2)
         for choice, held, share in zip(choices, kept.tolist(), shares.tolist(), strict=True):
             merit = (-held, share, -tolerance, len(choice))
             if best is None or merit < best[0]:
-                best = merit, Keyframes(tuple(rows[number] for number in choice), tolerance)
+                picked = tuple(rows[number] for number in choice)
+                best = merit, Keyframes(picked, tolerance + MARGIN)
     return best[1] if best else None
 
 
