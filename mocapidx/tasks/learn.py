@@ -193,6 +193,8 @@ def _jobs(snapshot: Snapshot, labels: LabelFile, options: LearnOptions) -> list[
     examples = place_labels(
         labels.labels, [placed.document for placed in documents], settings.rate, SHORTEST_EXAMPLE
     )
+    # By name and time, so that neither the order of the rows nor that of the store counts.
+    examples.sort(key=lambda example: (example.label.document, example.start))
     classes = sorted({example.label.label for example in examples})
     missing = [label for label in options.classes if label not in classes]
     if missing:
