@@ -24,6 +24,7 @@ COMMANDS = {
     "retrieve": ("retrieve:retrieve", "Find all occurrences of a motion class, best first."),
     "annotate": ("annotate:annotate", "Say which motion class occurs when."),
     "template": ("template:template", "Look at motion templates and change them by hand."),
+    "evaluate": ("evaluate:evaluate", "Measure hits or annotations against labels."),
     "plot": ("plot:plot", "Draw distance functions and annotations."),
     "info": ("info:info", "Show what a store holds, or what is known of one document."),
     "verify": ("verify:verify", "Check every byte of a store; repair what can be rebuilt."),
