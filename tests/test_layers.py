@@ -9,9 +9,10 @@ ROOT = Path(__file__).parent.parent / "mocapidx"
 CLI = Path(__file__).parent.parent / "cli"
 
 LAYERS = (
-    "errors printable model units durable formats skeleton features segments alignment store index queries "
-    "templates graphs synthesis evaluation reports tasks __init__"
-).split()
+    *("errors", "printable", "model", "units", "durable", "formats", "skeleton", "features"),
+    *("segments", "alignment", "store", "index", "queries", "templates", "graphs", "synthesis"),
+    *("evaluation", "reports", "tasks", "__init__"),
+)
 LEVEL = {name: level for level, name in enumerate(LAYERS)}
 ALLOWED = {
     "click": {"cli"},

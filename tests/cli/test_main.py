@@ -9,6 +9,7 @@ from pathlib import Path
 
 import click
 import pytest
+
 from mocapidx_cli.main import COMMANDS
 
 PROGRAM = Path(sys.executable).parent / "mocapidx"
