@@ -10,12 +10,11 @@ import numpy as np
 from mocapidx.alignment.subsequence import (
     CostArray,
     Steps,
-    shortest_match,
     subsequence_costs,
     subsequence_starts,
 )
-from mocapidx.errors import ParameterError
 from mocapidx.model import BoolArray, IndexArray, WordArray
+from mocapidx.templates.layout import end_padding, lay_out
 from mocapidx.templates.quantise import Quantised, quantise
 from mocapidx.templates.template import MotionTemplate
 
@@ -33,7 +32,6 @@ __all__ = [
 ]
 
 SHARED = 0.5
-PADDING = 0.05  # of the template's rows, at each end of a document
 CANDIDATES = 1024  # best minima whose starts are found first; then ever more at a time
 
 
@@ -154,48 +152,24 @@ def match_documents(
     ParameterError
         If a document is empty or the bounds do not fit the words.
     """
-    lengths = np.diff(bounds)
-    if bounds[0] != 0 or bounds[-1] != len(words) or (lengths <= 0).any():
-        raise ParameterError("bounds must rise from 0 to the number of words")
-    rows = len(quantised.ones)
-    repeated = end_padding(lengths, rows)
-    at_first, at_last = padded if isinstance(padded, tuple) else (padded, padded)
-    front, padding = repeated * at_first, repeated * at_last
-    spans = front + lengths + padding + 2
-    ends = np.cumsum(spans)
-    first = ends - spans + front
-    document = np.repeat(np.arange(len(lengths)), spans)
-    frame = np.clip(np.arange(len(document)) - first[document], 0, lengths[document] - 1)
-    laid_words = words[bounds[document] + frame]
-    breaks = np.column_stack((ends - 2, ends - 1)).ravel()
-    laid_costs = subsequence_costs(quantised.ones, quantised.care, laid_words, breaks, steps)
-    real = np.arange(len(words)) + np.repeat(first - bounds[:-1], lengths)
-    costs = laid_costs[real]
-    last = first + lengths - 1
+    laid = lay_out(words, bounds, len(quantised.ones), padded)
+    laid_costs = subsequence_costs(quantised.ones, quantised.care, laid.words, laid.breaks, steps)
+    costs = laid_costs[laid.real]
+    last = laid.first + np.diff(bounds) - 1
     # reduceat takes every other stretch: from the last frame to the end of its padding
-    tails = np.minimum.reduceat(laid_costs, np.column_stack((last, ends - 2)).ravel())[::2]
-    costs[bounds[1:] - 1] = tails
-    return Matching(costs, bounds, quantised, steps, laid_words, laid_costs, breaks, first, padding)
-
-
-def end_padding(lengths: IndexArray, rows: int) -> IndexArray:
-    """Say how often the first and the last frame of a document are repeated for matching.
-
-    Parameters
-    ----------
-    lengths : ndarray of int64, shape (D,)
-        Frames of each document.
-    rows : int
-        Rows of the template.
-
-    Returns
-    -------
-    ndarray of int64, shape (D,)
-        A twentieth of the template, and for a document that is too short to be found until it
-        is not.
-    """
-    missing = shortest_match(rows) - lengths
-    return np.maximum(np.ceil(PADDING * rows), -(-missing // 2)).astype(np.int64)
+    stretches = np.column_stack((last, last + laid.padding + 1)).ravel()
+    costs[bounds[1:] - 1] = np.minimum.reduceat(laid_costs, stretches)[::2]
+    return Matching(
+        costs,
+        bounds,
+        quantised,
+        steps,
+        laid.words,
+        laid_costs,
+        laid.breaks,
+        laid.first,
+        laid.padding,
+    )
 
 
 def lowest_costs(matching: Matching) -> CostArray:

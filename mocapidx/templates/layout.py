@@ -1,0 +1,103 @@
+"""Documents laid end to end for matching, with their first and last frames repeated."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from mocapidx.alignment.subsequence import shortest_match
+from mocapidx.errors import ParameterError
+from mocapidx.model import BoolArray, IndexArray, WordArray
+
+__all__ = ["Layout", "end_padding", "lay_out"]
+
+PADDING: Final = 0.05  # of the template's rows, at each end of a document
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Layout:
+    """Documents laid end to end for matching, the first and last frame of each repeated.
+
+    Parameters
+    ----------
+    words : ndarray of uint64, shape (L,)
+        With the padding, and two frames between documents.
+    breaks : ndarray of int64
+        The frames between documents.
+    first : ndarray of int64, shape (D,)
+        Where each document's first frame stands.
+    padding : ndarray of int64, shape (D,)
+        How often each document's last frame is repeated.
+    real : ndarray of int64, shape (T,)
+        Where the frames of the documents stand.
+    """
+
+    words: WordArray
+    breaks: IndexArray
+    first: IndexArray
+    padding: IndexArray
+    real: IndexArray
+
+
+def lay_out(
+    words: WordArray,
+    bounds: IndexArray,
+    rows: int,
+    padded: bool | tuple[BoolArray, BoolArray] = True,
+) -> Layout:
+    """Lay documents out for matching with a template of so many rows.
+
+    Parameters
+    ----------
+    words : ndarray of uint64, shape (T,)
+        The feature words of the documents, end to end.
+    bounds : ndarray of int64, shape (D + 1,)
+        Where documents begin and end; none is empty.
+    rows : int
+    padded : bool or pair of ndarray of bool, each of shape (D,)
+        Repeat the first and the last frame of each document, as `end_padding` says. As a pair:
+        those whose first frames, and those whose last frames are repeated.
+
+    Returns
+    -------
+    Layout
+
+    Raises
+    ------
+    ParameterError
+        If a document is empty or the bounds do not fit the words.
+    """
+    lengths = np.diff(bounds)
+    if bounds[0] != 0 or bounds[-1] != len(words) or (lengths <= 0).any():
+        raise ParameterError("bounds must rise from 0 to the number of words")
+    repeated = end_padding(lengths, rows)
+    at_first, at_last = padded if isinstance(padded, tuple) else (padded, padded)
+    front, padding = repeated * at_first, repeated * at_last
+    spans = front + lengths + padding + 2
+    ends = np.cumsum(spans)
+    first = ends - spans + front
+    document = np.repeat(np.arange(len(lengths)), spans)
+    frame = np.clip(np.arange(len(document)) - first[document], 0, lengths[document] - 1)
+    breaks = np.column_stack((ends - 2, ends - 1)).ravel()
+    real = np.arange(len(words)) + np.repeat(first - bounds[:-1], lengths)
+    return Layout(words[bounds[document] + frame], breaks, first, padding, real)
+
+
+def end_padding(lengths: IndexArray, rows: int) -> IndexArray:
+    """Say how often the first and the last frame of a document are repeated for matching.
+
+    Parameters
+    ----------
+    lengths : ndarray of int64, shape (D,)
+        Frames of each document.
+    rows : int
+        Rows of the template.
+
+    Returns
+    -------
+    ndarray of int64, shape (D,)
+        A twentieth of the template, and for a document that is too short to be found until it
+        is not.
+    """
+    missing = shortest_match(rows) - lengths
+    return np.maximum(np.ceil(PADDING * rows), -(-missing // 2)).astype(np.int64)
