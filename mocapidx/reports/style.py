@@ -5,6 +5,7 @@ import logging
 import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from mocapidx.errors import ParameterError
@@ -22,6 +23,7 @@ __all__ = [
     "class_colours",
     "drawing",
     "new_figure",
+    "picture_format",
     "render",
 ]
 
@@ -85,6 +87,29 @@ def new_figure(width: float, height: float, title: str) -> "Figure":
     fitting = int((width - 0.2) / INCHES_A_TITLE_CHARACTER)
     figure.suptitle(shown(title, fitting), x=0.008, ha="left", fontsize=11.0, fontweight="bold")
     return figure
+
+
+def picture_format(path: Path) -> str:
+    """Return how a picture is to be written, to be asked before any work is done.
+
+    Parameters
+    ----------
+    path : Path
+        Of the picture.
+
+    Returns
+    -------
+    {"png", "svg"}
+
+    Raises
+    ------
+    ParameterError
+        If its suffix is another.
+    """
+    suffix = path.suffix.lower().lstrip(".")
+    if suffix not in FORMATS:
+        raise ParameterError(f"{shown(path)}: pictures are .png or .svg files")
+    return suffix
 
 
 def render(figure: "Figure", suffix: str) -> bytes:

@@ -14,7 +14,7 @@ from mocapidx.features.featureset import FeatureSet
 from mocapidx.model import WordArray
 from mocapidx.printable import shown
 from mocapidx.reports.matrices import template_picture
-from mocapidx.reports.style import FORMATS
+from mocapidx.reports.style import picture_format
 from mocapidx.reports.timelines import Curve, Span, Track, annotation_picture, distance_picture
 from mocapidx.store.read import open_store
 from mocapidx.store.schema import MANIFEST
@@ -47,14 +47,6 @@ class _Document:
     untrusted: int
 
 
-def _suffix(picture: Path) -> str:
-    """Return how a picture is to be written, before any work is done."""
-    suffix = picture.suffix.lower().lstrip(".")
-    if suffix not in FORMATS:
-        raise ParameterError(f"{shown(picture)}: pictures are .png or .svg files")
-    return suffix
-
-
 def draw_templates(
     templates: Sequence[MotionTemplate], feature_set: FeatureSet, picture: Path
 ) -> list[Path]:
@@ -78,7 +70,7 @@ def draw_templates(
     ------
     ParameterError, WriteError
     """
-    suffix = _suffix(picture)
+    suffix = picture_format(picture)
     paths = []
     for number, template in enumerate(templates, start=1):
         path = picture if number == 1 else picture.with_stem(f"{picture.stem}-{number}")
@@ -148,7 +140,7 @@ def draw_distances(
     ------
     FormatError, ParameterError, StoreError, WriteError
     """
-    suffix = _suffix(picture)
+    suffix = picture_format(picture)
     known = load_templates(templates) if isinstance(templates, Path) else templates
     chosen = _class_templates(known, classes)
     if (motion / MANIFEST).exists():
@@ -273,7 +265,7 @@ def draw_annotations(
     ------
     FormatError, ParameterError, WriteError
     """
-    suffix = _suffix(picture)
+    suffix = picture_format(picture)
     found = read_found(records)
     spans: dict[str, list[Span]] = {}
     for each in found:
