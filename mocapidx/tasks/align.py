@@ -1,0 +1,392 @@
+"""Align two motions in time: which frame of one goes with which of the other."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final, Literal
+
+import numpy as np
+
+from mocapidx.alignment.banded import WarpingPath, align_inside, refine_match
+from mocapidx.alignment.coarse import Region, SegmentMatch, full_region, match_segments
+from mocapidx.alignment.distances import (
+    FrameDistance,
+    common_joints,
+    pose_distance,
+    word_distance,
+)
+from mocapidx.durable import durable_replace
+from mocapidx.errors import ParameterError
+from mocapidx.features.extract import extract_features, untrusted_features
+from mocapidx.features.featureset import AnyFeatureSet, FeatureSet, load_feature_set
+from mocapidx.features.words import pack_words
+from mocapidx.model import FloatArray, WordArray
+from mocapidx.printable import shown
+from mocapidx.reports.alignment import alignment_picture
+from mocapidx.reports.style import picture_format
+from mocapidx.skeleton.joints import CANONICAL_JOINTS
+from mocapidx.skeleton.resample import resample_motion
+from mocapidx.store.read import Snapshot, open_store
+from mocapidx.store.schema import FRAME_WORDS, POSES
+from mocapidx.tasks.query import Example, parse_example
+from mocapidx.tasks.read import ReadOptions, read_take
+from mocapidx.tasks.records import Record
+from mocapidx.tasks.segment_sources import store_feature_set, untrusted_mask
+
+__all__ = [
+    "PATH_COLUMNS",
+    "SEGMENT_COLUMNS",
+    "AlignOptions",
+    "Aligned",
+    "align_motions",
+    "draw_alignment",
+    "path_records",
+    "segment_records",
+]
+
+PATH_COLUMNS: Final = ("a_frame", "b_frame", "a_time", "b_time", "cost", "total")
+TIMES: Final = ("a_start_time", "a_end_time", "b_start_time", "b_end_time")
+SEGMENT_COLUMNS: Final = ("segment", *TIMES, "features")
+
+FEWEST_JOINTS: Final = 3
+"""Fewer say nothing about a pose once it is shifted and turned."""
+
+
+@dataclass(frozen=True, slots=True)
+class AlignOptions:
+    """How two motions are aligned.
+
+    Parameters
+    ----------
+    select : str
+        The features whose segments count, as in `FeatureSet.select`.
+    margin : float
+        How far matched segments are widened at first, in seconds.
+    distance : {"poses", "words"}
+        What the fine alignment compares.
+    coarse_only : bool
+        Match segments, and leave it at that.
+    feature_set : str, Path or FeatureSet
+        Of motion files; a store has its own.
+    rate : float
+        Of motion files, in Hz; a store has its own.
+    read : ReadOptions
+        How motion files are understood.
+    """
+
+    select: str = "all"
+    margin: float = 0.1
+    distance: Literal["poses", "words"] = "poses"
+    coarse_only: bool = False
+    feature_set: AnyFeatureSet = "f39"
+    rate: float = 30.0
+    read: ReadOptions = field(default_factory=ReadOptions)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Aligned:
+    """Two motions, aligned.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Of the two.
+    starts : tuple of int
+        The frame of each motion that its frame 0 here is.
+    frames : tuple of int
+        How many frames of each are aligned.
+    rate : float
+        In Hz.
+    feature_set : FeatureSet
+    match : SegmentMatch or None
+        The coarse alignment, where there is one.
+    region : Region or None
+        The cells that were looked at in the end; None where there was no fine alignment.
+    path : WarpingPath or None
+        The fine alignment.
+    unit : {"m", "features"}
+        Of its costs.
+    remarks : tuple of str
+        What a person should know, a sentence each.
+    """
+
+    names: tuple[str, str]
+    starts: tuple[int, int]
+    frames: tuple[int, int]
+    rate: float
+    feature_set: FeatureSet
+    match: SegmentMatch | None
+    region: Region | None
+    path: WarpingPath | None
+    unit: Literal["m", "features"]
+    remarks: tuple[str, ...]
+
+    @property
+    def features(self) -> tuple[str, ...]:
+        """The ids of the features whose segments agree."""
+        mask = self.match.mask if self.match else 0
+        return tuple(name for i, name in enumerate(self.feature_set.ids) if mask >> i & 1)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Stretch:
+    """The part of a motion that is to be aligned; joints that it lacks are NaN."""
+
+    name: str
+    start: int
+    words: WordArray
+    untrusted: int
+    poses: FloatArray | None
+
+
+def align_motions(
+    one: str | Path,
+    other: str | Path,
+    options: AlignOptions | None = None,
+    *,
+    store: str | Path | None = None,
+    picture: Path | None = None,
+) -> Aligned:
+    """Align two motions: segment by segment, then frame by frame near the matched segments.
+
+    Parameters
+    ----------
+    one, other : str or Path
+        ``FILE`` or ``FILE@START:END``, in seconds.
+    options : AlignOptions, optional
+    store : str or Path, optional
+        `one` and `other` are names of its documents, not files.
+    picture : Path, optional
+        A .png or .svg file to draw the alignment into.
+
+    Returns
+    -------
+    Aligned
+        Where no segments can be matched, the fine alignment looks at all pairs of frames, and
+        a remark says so.
+
+    Raises
+    ------
+    FormatError
+        If a file can't be used.
+    ParameterError, FeatureSetError, StoreError, WriteError
+
+    References
+    ----------
+    .. [1] Mueller, Roeder, Clausen, "Efficient content-based retrieval of motion capture
+       data", SIGGRAPH 2005, section 7.
+    """
+    options = options or AlignOptions()
+    if not 0 <= options.margin <= 3600:
+        raise ParameterError(f"the margin must be 0 or more seconds, got {options.margin:g}")
+    if picture is not None:
+        picture_format(picture)
+    texts = (str(one), str(other))
+    if store is None:
+        feature_set, rate = load_feature_set(options.feature_set), options.rate
+        a, b = (_from_file(parse_example(text), feature_set, options) for text in texts)
+    else:
+        with open_store(Path(store)) as snapshot:
+            feature_set = store_feature_set(snapshot)
+            rate = snapshot.manifest.settings.rate
+            a, b = (_from_store(text, snapshot) for text in texts)
+    aligned = _aligned(a, b, feature_set, rate, options)
+    if picture is not None:
+        draw_alignment(aligned, picture)
+    return aligned
+
+
+def _aligned(
+    a: _Stretch, b: _Stretch, feature_set: FeatureSet, rate: float, options: AlignOptions
+) -> Aligned:
+    mask = feature_set.select(options.select)
+    unknown = mask & (a.untrusted | b.untrusted)
+    remarks = []
+    if unknown:
+        ids = (name for i, name in enumerate(feature_set.ids) if unknown >> i & 1)
+        remarks.append(f"passed over {', '.join(ids)}: the skeletons can't tell them")
+    mask &= ~unknown
+    match = match_segments(a.words, b.words, mask)
+    region, path, unit = None, None, options.distance
+    if not options.coarse_only:
+        distance, unit = _distance(a, b, mask, options.distance, remarks)
+        if match is None:
+            region = full_region(len(a.words), len(b.words))
+            path = align_inside(region, distance)
+        else:
+            refined = refine_match(match, distance, round(options.margin * rate))
+            region, path = refined.region, refined.path
+    if match is None:
+        remarks.append(
+            "no coarse alignment: no selected feature changes equally often in both"
+            + ("" if options.coarse_only else "; all pairs of frames were looked at")
+        )
+    return Aligned(
+        (a.name, b.name),
+        (a.start, b.start),
+        (len(a.words), len(b.words)),
+        rate,
+        feature_set,
+        match,
+        region,
+        path,
+        "m" if unit == "poses" else "features",
+        tuple(remarks),
+    )
+
+
+def _from_file(example: Example, feature_set: FeatureSet, options: AlignOptions) -> _Stretch:
+    motion = resample_motion(read_take(example.path, options.read).motion, options.rate)
+    words = pack_words(extract_features(motion, feature_set, options.rate))
+    untrusted = untrusted_features(motion, feature_set)
+    poses = _without(motion.positions.astype(np.float64), motion.made)
+    name = str(example.path)
+    return _cut(name, example, words & ~np.uint64(untrusted), untrusted, poses, options.rate)
+
+
+def _from_store(text: str, store: Snapshot) -> _Stretch:
+    places = {placed.document.name: placed for placed in store.documents()}
+    example = Example(Path(text)) if text in places else parse_example(text)
+    name = text if text in places else str(example.path)
+    if name not in places:
+        raise ParameterError(f"{shown(store.path)}: no document '{shown(name)}'")
+    placed = places[name]
+    document, start = placed.document, placed.frame_offset
+    stop = start + document.frames
+    words = store.array(placed.file, FRAME_WORDS.path, start, stop).astype(np.uint64)
+    poses: FloatArray | None = None
+    if store.manifest.settings.poses:
+        stored = store.array(placed.file, POSES.path, start, stop)
+        poses = _without(stored.astype(np.float64), document.rig.get("made", ()))
+    rate = store.manifest.settings.rate
+    return _cut(name, example, words, untrusted_mask(document), poses, rate)
+
+
+def _without(positions: FloatArray, made: object) -> FloatArray:
+    """Forget the joints that a joint map made up."""
+    names = made if isinstance(made, (list, tuple)) else ()
+    positions[:, [joint in names for joint in CANONICAL_JOINTS]] = np.nan
+    return positions
+
+
+def _cut(
+    name: str,
+    example: Example,
+    words: WordArray,
+    untrusted: int,
+    poses: FloatArray | None,
+    rate: float,
+) -> _Stretch:
+    # Cut after extraction: velocities and hysteresis then know what came before.
+    start = round((example.start or 0.0) * rate)
+    end = len(words) if example.end is None else min(len(words), round(example.end * rate))
+    if start >= end:
+        raise ParameterError(
+            f"{shown(name)}: lasts {len(words) / rate:.2f} s, "
+            f"nothing lies from {start / rate:.2f} s to {end / rate:.2f} s"
+        )
+    cut = None if poses is None else poses[start:end]
+    return _Stretch(name, start, words[start:end], untrusted, cut)
+
+
+def _distance(
+    a: _Stretch, b: _Stretch, mask: int, wanted: Literal["poses", "words"], remarks: list[str]
+) -> tuple[FrameDistance, Literal["poses", "words"]]:
+    """Choose what frames are compared by; say so where it is not what was wanted."""
+    if wanted == "poses" and a.poses is not None and b.poses is not None:
+        joints = common_joints(a.poses, b.poses)
+        if joints.sum() >= FEWEST_JOINTS:
+            return pose_distance(a.poses[:, joints], b.poses[:, joints]), "poses"
+        remarks.append("the skeletons share too few joints, so feature words were compared")
+    elif wanted == "poses":
+        remarks.append("the store keeps no poses, so feature words were compared")
+    return word_distance(a.words, b.words, mask), "words"
+
+
+def path_records(aligned: Aligned) -> Iterator[Record]:
+    """Lay out the warping path, a record for each pair of frames.
+
+    Parameters
+    ----------
+    aligned : Aligned
+
+    Yields
+    ------
+    dict
+        Frames and seconds in the two motions, the distance of the frames, and the sum of the
+        distances so far: the last is the cost of the alignment.
+    """
+    if aligned.path is None:
+        return
+    path, (a, b) = aligned.path, aligned.starts
+    totals = np.cumsum(path.costs).tolist()
+    rows = zip(path.rows.tolist(), path.columns.tolist(), path.costs.tolist(), totals, strict=True)
+    for row, column, cost, total in rows:
+        yield {
+            "a_frame": a + row,
+            "b_frame": b + column,
+            "a_time": round((a + row) / aligned.rate, 6),
+            "b_time": round((b + column) / aligned.rate, 6),
+            "cost": round(cost, 6),
+            "total": round(total, 6),
+        }
+
+
+def segment_records(aligned: Aligned) -> Iterator[Record]:
+    """Lay out the coarse alignment, a record for each segment.
+
+    Parameters
+    ----------
+    aligned : Aligned
+
+    Yields
+    ------
+    dict
+        Half-open ranges of frames, and the same in seconds; `features` names those that are
+        1, of those that agree.
+    """
+    match = aligned.match
+    if match is None:
+        return
+    a, b = match.bounds + aligned.starts[0], match.other_bounds + aligned.starts[1]
+    for segment, word in enumerate(match.words.tolist()):
+        ends = [bounds[segment + n] for bounds in (a, b) for n in (0, 1)]
+        names = ("a_start", "a_end", "b_start", "b_end")
+        yield {
+            "segment": segment,
+            **{f"{name}_frame": int(end) for name, end in zip(names, ends, strict=True)},
+            **{
+                f"{name}_time": round(float(end) / aligned.rate, 6)
+                for name, end in zip(names, ends, strict=True)
+            },
+            "features": ",".join(
+                name for i, name in enumerate(aligned.feature_set.ids) if word >> i & 1
+            ),
+        }
+
+
+def draw_alignment(aligned: Aligned, picture: Path) -> None:
+    """Draw the matched segments, the region around them and the warping path.
+
+    Parameters
+    ----------
+    aligned : Aligned
+    picture : Path
+        A .png or .svg file.
+
+    Raises
+    ------
+    ParameterError, WriteError
+    """
+    suffix = picture_format(picture)
+    data = alignment_picture(
+        aligned.names,
+        aligned.frames,
+        aligned.starts,
+        aligned.rate,
+        match=aligned.match,
+        region=aligned.region,
+        path=aligned.path,
+        suffix=suffix,
+    )
+    durable_replace(picture, data)
