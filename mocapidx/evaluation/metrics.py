@@ -208,8 +208,8 @@ def class_times(
     """
     return {
         label: ClassTime(
-            labelled=sum(time for (truth, _), time in confusion.items() if truth == label),
-            annotated=sum(time for (_, said), time in confusion.items() if said == label),
+            labelled=sum((time for (truth, _), time in confusion.items() if truth == label), 0.0),
+            annotated=sum((time for (_, said), time in confusion.items() if said == label), 0.0),
             right=confusion.get((label, label), 0.0),
         )
         for label in classes

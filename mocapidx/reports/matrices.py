@@ -69,6 +69,7 @@ def template_picture(
        motion capture data", SCA 2006, figures 4 and 6.
     """
     frames, features = matrix.shape
+    names = [shown(name, 60) for name in names]
     margin = INCHES_A_CHARACTER * max(map(len, names))
     order = sorted(range(features), key=lambda i: list(dict.fromkeys(parts)).index(parts[i]))
     with drawing():

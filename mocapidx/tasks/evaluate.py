@@ -329,9 +329,9 @@ def _evaluate_annotations(
         _time_record(label, times.labelled, times.annotated, times.right)
         for label, times in class_times(kept, classes).items()
     ]
-    labelled = sum(time for (label, _), time in kept.items() if label != NOTHING)
-    annotated = sum(time for (_, one), time in kept.items() if one != NOTHING)
-    right = sum(time for (label, one), time in kept.items() if label == one != NOTHING)
+    labelled = sum((time for (label, _), time in kept.items() if label != NOTHING), 0.0)
+    annotated = sum((time for (_, one), time in kept.items() if one != NOTHING), 0.0)
+    right = sum((time for (label, one), time in kept.items() if label == one != NOTHING), 0.0)
     records.append(_time_record(POOLED, labelled, annotated, right))
     return Evaluation(tuple(records), tuple(_pairs(kept)), TIME_COLUMNS, tuple(remarks))
 
