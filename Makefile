@@ -39,17 +39,21 @@ $(WORK)/fixtures/.done: $(VENV)/.demo $(wildcard fixtures/*.py)
 $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
 
-# One stamp a set of dependencies; the project itself is always installed in place.
+# One stamp a set of dependencies; the project itself is always installed in place, and pip
+# compiles nothing that it installs so.
 $(VENV)/.demo: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e .
+	$(BIN)/python -m compileall -q mocapidx cli
 	touch $@
 
 $(VENV)/.test: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test]'
+	$(BIN)/python -m compileall -q mocapidx cli
 	touch $@ $(VENV)/.demo
 
 $(VENV)/.bench: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[bench]'
+	$(BIN)/python -m compileall -q mocapidx cli
 	touch $@ $(VENV)/.demo
 
 clean:
