@@ -10,7 +10,7 @@ import numpy as np
 
 from bench.reading import Row
 from mocapidx.features.featureset import PARTS
-from mocapidx.queries.evaluate import MODES
+from mocapidx.queries.evaluate import FINDERS
 from mocapidx.queries.source import source_from_words
 from mocapidx.queries.steps import steps_from_example
 from mocapidx.store.read import open_store
@@ -42,7 +42,7 @@ def measure(corpus: Any, work: Path) -> Iterator[Row]:
             seconds, hits = [], []
             for query in queries:
                 started = time.perf_counter()
-                found = MODES[mode](query, source)
+                found = FINDERS[mode](query, source)
                 seconds.append(time.perf_counter() - started)
                 hits.append(len(found))
             yield (

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from mocapidx.features.words import part_words
 from mocapidx.model import IndexArray, WordArray
 from mocapidx.queries.source import PartSource
+from mocapidx.queries.stretches import spread_bits
 
-__all__ = ["match_selection"]
+__all__ = ["match_selection", "selected_segments"]
 
 FREE_BIT = 1 << 31
 """Only the word at free numbers has it, so a document's last segment ends with the document."""
@@ -62,6 +63,38 @@ def match_selection(
             hits = hits[keys.take(hits + step, mode="clip") == words[step]]
     segments = hits[:, np.newaxis] + np.arange(len(values) + 1)
     return np.asarray(starts[segments], dtype=np.int64)
+
+
+def selected_segments(
+    parts: Sequence[PartSource], mask: int
+) -> tuple[IndexArray, WordArray, IndexArray]:
+    """Cut all documents where one of the selected features changes.
+
+    Parameters
+    ----------
+    parts : sequence of PartSource
+        The sub-indexes of the selected features.
+    mask : int
+        The selected features.
+
+    Returns
+    -------
+    starts : ndarray of int64, shape (N,)
+        Where each segment starts, in positions; the free place after each document has one too.
+    words : ndarray of uint64, shape (N,)
+        Its feature vector, 0 outside of `mask`.
+    free : ndarray of int64, shape (D,)
+        The segments, by their number, that are free places.
+    """
+    selected = np.array([mask], np.uint64)
+    coarse = [_coarsen(part, int(part_words(selected, part.mask)[0])) for part in parts]
+    starts, places = _combine([starts for starts, _ in coarse])
+    columns = [keys[place] for (_, keys), place in zip(coarse, places, strict=True)]
+    words = np.zeros(len(starts), np.uint64)
+    for keys, part in zip(columns, parts, strict=True):
+        words |= spread_bits(keys & np.uint32(FREE_BIT - 1), part.mask)
+    free = np.flatnonzero(columns[0] & np.uint32(FREE_BIT))
+    return starts.astype(np.int64), words & np.uint64(mask), free
 
 
 def _coarsen(part: PartSource, mask: int) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:

@@ -21,7 +21,10 @@ __all__ = [
     "FuzzySet",
     "intersects",
     "join_intersecting",
+    "join_steps",
+    "mirror_bits",
     "restrict",
+    "restrict_steps",
     "steps_from_example",
 ]
 
@@ -178,18 +181,40 @@ def join_intersecting(query: FuzzyQuery) -> FuzzyQuery:
     >>> len(joined.steps), joined.lengths.tolist()
     (2, [7, 5])
     """
+    return join_steps(query)[0]
+
+
+def join_steps(query: FuzzyQuery) -> tuple[FuzzyQuery, IndexArray]:
+    """Conjoin adjacent sets that intersect, and tell what became of each.
+
+    Parameters
+    ----------
+    query : FuzzyQuery
+        Any sequence of sets.
+
+    Returns
+    -------
+    joined : FuzzyQuery
+        As `join_intersecting` gives it.
+    owners : ndarray of int64, shape (L,)
+        The joined step that each of the steps is part of, from 0.
+    """
     steps: list[FuzzySet] = []
     lengths: list[int] = []
+    sizes: list[int] = []
     for following, frames in zip(query.steps, query.lengths.tolist(), strict=True):
-        step = following
+        step, size = following, 1
         while steps and intersects(steps[-1], step):  # a joined set may reach further back
             step = FuzzySet(steps.pop().cubes + step.cubes)
             frames += lengths.pop()
+            size += sizes.pop()
         steps.append(step)
         lengths.append(frames)
+        sizes.append(size)
+    owners = np.repeat(np.arange(len(sizes)), sizes)
     if len(steps) == len(query.steps):
-        return query
-    return FuzzyQuery(tuple(steps), np.array(lengths, np.int64))
+        return query, owners
+    return FuzzyQuery(tuple(steps), np.array(lengths, np.int64)), owners
 
 
 def restrict(query: FuzzyQuery, mask: int) -> FuzzyQuery:
@@ -207,13 +232,48 @@ def restrict(query: FuzzyQuery, mask: int) -> FuzzyQuery:
     FuzzyQuery
         With disjoint neighbours.
     """
+    return restrict_steps(query, mask)[0]
+
+
+def restrict_steps(query: FuzzyQuery, mask: int) -> tuple[FuzzyQuery, IndexArray]:
+    """Let a query look at some features only, and tell what became of each step.
+
+    Parameters
+    ----------
+    query, mask
+        As for `restrict`.
+
+    Returns
+    -------
+    restricted : FuzzyQuery
+        As `restrict` gives it.
+    owners : ndarray of int64, shape (L,)
+        The step of it that each of the steps is part of, from 0.
+    """
     if query.mask & ~mask:
         steps = tuple(
             FuzzySet(tuple((bits & mask, value & mask) for bits, value in step.cubes))
             for step in query.steps
         )
         query = FuzzyQuery(steps, query.lengths)
-    return join_intersecting(query)
+    return join_steps(query)
+
+
+def mirror_bits(bits: int, permutation: IndexArray) -> int:
+    """Exchange left and right in a mask or a value.
+
+    Parameters
+    ----------
+    bits : int
+        Bit i stands for feature i.
+    permutation : ndarray of int64, shape (F,)
+        The mirror partner of each feature, as in `FeatureSet.mirror`.
+
+    Returns
+    -------
+    int
+    """
+    return sum(1 << partner for i, partner in enumerate(permutation.tolist()) if bits >> i & 1)
 
 
 def steps_from_example(words: WordArray, mask: int) -> FuzzyQuery:

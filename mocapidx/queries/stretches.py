@@ -23,6 +23,7 @@ __all__ = [
     "join_runs",
     "runs_at",
     "split_stretches",
+    "spread_bits",
     "unite_stretches",
 ]
 
@@ -236,12 +237,25 @@ def full_words(parts: Sequence[PartSource], positions: IndexArray) -> WordArray:
     """
     words = np.zeros(len(positions), np.uint64)
     for part in parts:
-        words |= _spread(part.words[runs_at(part, positions)], part.mask)
+        words |= spread_bits(part.words[runs_at(part, positions)], part.mask)
     return words
 
 
-def _spread(part_words: NDArray[np.uint32], mask: int) -> WordArray:
-    """Put the bits of part words back to their places in feature words."""
+def spread_bits(part_words: NDArray[np.uint32], mask: int) -> WordArray:
+    """Put the bits of part words back to their places in feature words.
+
+    Parameters
+    ----------
+    part_words : ndarray of uint32, shape (N,)
+        The features of a sub-index, squeezed together.
+    mask : int
+        The features of the sub-index.
+
+    Returns
+    -------
+    ndarray of uint64, shape (N,)
+        The other features are 0.
+    """
     squeezed = part_words.astype(np.uint64)
     words = np.zeros(len(squeezed), np.uint64)
     while mask:  # one turn for each block of neighbouring features

@@ -173,9 +173,9 @@ def _example_words(
 
 
 def _costs(answer: GroupHits, rank: str) -> FloatArray:
-    if rank == "none" or answer.query is None:
+    if rank == "none" or answer.pattern is None:
         return np.zeros(len(answer.documents))
-    return length_costs(answer.bounds, answer.query.lengths)
+    return length_costs(answer.bounds, answer.pattern.lengths)
 
 
 def _hits(

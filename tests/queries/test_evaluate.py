@@ -58,9 +58,9 @@ def test_steps_that_a_group_cannot_tell_apart_are_joined_with_their_lengths():
     query = steps_from_example(np.array([1, 3, 3, 2], np.uint64), 0b11)
     groups = [DocumentGroup(0b10, np.array([0])), DocumentGroup(0, np.array([1]))]
     unsure, sure = evaluate(query, "adaptive", index([[1, 1, 0], [1, 3, 2]]), groups)
-    assert unsure.query.lengths.tolist() == [3, 1]
+    assert unsure.pattern.lengths.tolist() == [3, 1]
     assert unsure.bounds.tolist() == [[0, 2, 3]]
-    assert sure.query.lengths.tolist() == [1, 2, 1]
+    assert sure.pattern.lengths.tolist() == [1, 2, 1]
     assert sure.bounds.tolist() == [[0, 1, 2, 3]]
 
 
@@ -69,7 +69,7 @@ def test_a_group_without_any_selected_feature_has_no_hits_and_says_so(mode):
     query = steps_from_example(np.array([1], np.uint64), 0b11)
     groups = [DocumentGroup(0b111, np.array([0])), DocumentGroup(0, np.array([1]))]
     unsure, sure = evaluate(query, mode, index([[8, 8], [1]]), groups)
-    assert unsure.query is None
+    assert unsure.pattern is None
     assert len(unsure.documents) == len(unsure.bounds) == 0
     assert sure.documents.tolist() == [1]
 
@@ -91,7 +91,7 @@ def test_a_file_without_documents_has_no_hits(mode):
 
 def test_unknown_modes_and_queries_that_demand_nothing_are_refused():
     query = steps_from_example(np.array([1], np.uint64), 1)
-    with pytest.raises(ParameterError, match="exact, fuzzy, adaptive"):
+    with pytest.raises(ParameterError, match="exact, fuzzy, adaptive, mismatch"):
         evaluate(query, "guess", index([[1]]), [])
     everything = FuzzyQuery((FuzzySet(((0, 0),)),), np.array([1]))
     with pytest.raises(ParameterError, match="no feature is selected"):
