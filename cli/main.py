@@ -29,6 +29,7 @@ COMMANDS = {
     "info": ("info:info", "Show what a store holds, or what is known of one document."),
     "verify": ("verify:verify", "Check every byte of a store; repair what can be rebuilt."),
     "compact": ("compact:compact", "Merge the segment files of a store."),
+    "reindex": ("reindex:reindex", "Make a store of another feature set from a store's poses."),
     "align": ("align:align", "Say which frame of one motion goes with which of another."),
     "skeleton": ("skeleton:skeleton", "Show how a file's skeleton is understood, and why."),
 }

@@ -22,6 +22,7 @@ from mocapidx.tasks.hits import SOURCE_START
 from mocapidx.tasks.read import Reading, ReadOptions, read_take
 from mocapidx.tasks.segment_sources import UNTRUSTED
 from mocapidx.tasks.sources import Source
+from mocapidx.tasks.stored import REST, kept_rest
 
 __all__ = ["Job", "Prepared", "Refused", "Unchanged", "is_unchanged", "prepare"]
 
@@ -175,6 +176,8 @@ def _rig(
     rig[SOURCE_START] = reading.source_start
     rig["options"] = _told(options)
     rig[UNTRUSTED] = f"{untrusted:x}"
+    if reading.motion.rest is not None:
+        rig[REST] = kept_rest(reading.motion.rest)
     if skeletons:
         rig["skeleton"] = [os.path.abspath(skeletons[0]), *stamps[0]]
     return rig

@@ -1,0 +1,104 @@
+"""The poses of a store as motions, as good as those of the source files."""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mocapidx.errors import StoreError
+from mocapidx.model import FloatArray, Motion
+from mocapidx.printable import shown
+from mocapidx.skeleton.joints import CANONICAL_JOINTS
+from mocapidx.store.manifest import Document, Placed
+from mocapidx.store.read import Snapshot
+from mocapidx.store.schema import POSES
+
+__all__ = ["REST", "kept_rest", "stored_motion", "stored_poses"]
+
+REST: Final = "rest"
+"""Key of a document's rig: the zero pose, where the source has one. It measures the body."""
+
+
+def kept_rest(rest: FloatArray) -> list[list[float] | None]:
+    """Lay out a zero pose as JSON keeps it, to the last bit.
+
+    Parameters
+    ----------
+    rest : ndarray of float, shape (24, 3)
+        In metres; NaN for a joint that the rig lacks.
+
+    Returns
+    -------
+    list
+        Three numbers a joint, or None.
+    """
+    known = np.isfinite(rest).all(axis=1)
+    return [row.tolist() if whole else None for row, whole in zip(rest, known, strict=True)]
+
+
+def stored_poses(store: Snapshot, placed: Placed) -> NDArray[np.float32]:
+    """Read the joint positions of a document.
+
+    Parameters
+    ----------
+    store : Snapshot
+    placed : Placed
+        One of its documents.
+
+    Returns
+    -------
+    ndarray of float32, shape (T, 24, 3)
+        In metres.
+
+    Raises
+    ------
+    StoreError
+        If the store keeps no poses, or is damaged.
+    """
+    start = placed.frame_offset
+    stop = start + placed.document.frames
+    poses: NDArray[np.float32] = store.array(placed.file, POSES.path, start, stop)
+    return poses
+
+
+def stored_motion(store: Snapshot, placed: Placed) -> Motion:
+    """Give a document of a store as a motion at the store's rate.
+
+    Parameters
+    ----------
+    store : Snapshot
+    placed : Placed
+        One of its documents.
+
+    Returns
+    -------
+    Motion
+        As it was read from the source, but for the rounding of positions to single precision.
+
+    Raises
+    ------
+    StoreError
+        If the store keeps no poses, or is damaged.
+    """
+    made = placed.document.rig.get("made", ())
+    return Motion(
+        CANONICAL_JOINTS,
+        stored_poses(store, placed),
+        store.manifest.settings.rate,
+        _rest(placed.document),
+        tuple(made) if isinstance(made, list) else (),
+    )
+
+
+def _rest(document: Document) -> FloatArray | None:
+    kept = document.rig.get(REST)
+    if kept is None:
+        return None
+    try:
+        rows = [[np.nan] * 3 if row is None else row for row in kept]
+        rest = np.array(rows, dtype=np.float64)
+    except (TypeError, ValueError) as exc:
+        raise StoreError(f"{shown(document.name)}: its zero pose is none; index it again") from exc
+    if rest.shape != (len(CANONICAL_JOINTS), 3):
+        raise StoreError(f"{shown(document.name)}: its zero pose is none; index it again")
+    return rest
