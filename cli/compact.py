@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from .options import lock_options, quiet_option, store_argument
-from .rows import note
+from .rows import count, note
 
 __all__ = ["compact"]
 
@@ -17,6 +17,9 @@ __all__ = ["compact"]
 def compact(store: Path, lock_timeout: float, use_lock: bool, quiet: bool) -> None:
     """Merge the segment files of STORE and drop what was removed.
 
+    `index` adds segment files and merges small ones by itself when there are many; documents that
+    were removed or changed keep their place on disk until then. Nothing that is found changes.
+
     \b
     Example:
       mocapidx compact takes.store
@@ -24,4 +27,4 @@ def compact(store: Path, lock_timeout: float, use_lock: bool, quiet: bool) -> No
     from mocapidx.tasks.index import compact_store
 
     before, after = compact_store(store, lock_timeout=lock_timeout, use_lock=use_lock)
-    note(f"{store}: {before} segment files before, {after} now", quiet)
+    note(f"{store}: {count(before, 'segment file')} before, {after} now", quiet)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 from .options import jobs_option, lock_options, quiet_option, read_options, reading_options
 from .progress import Bar
-from .rows import note, warn
+from .rows import count, note, warn
 
 __all__ = ["index"]
 
@@ -25,7 +25,10 @@ SKIPPED = 5  # exit code: done, but some inputs were skipped
     "inputs", nargs=-1, required=True, metavar="INPUT...", type=click.Path(path_type=Path)
 )
 @click.option(
-    "--store", required=True, type=click.Path(path_type=Path), help="The store, a folder."
+    "--store",
+    required=True,
+    type=click.Path(path_type=Path),
+    help="The store, a folder; made if there is none.",
 )
 @click.option(
     "--rate",
@@ -33,23 +36,25 @@ SKIPPED = 5  # exit code: done, but some inputs were skipped
     default=30.0,
     show_default=True,
     metavar="HZ",
-    help="Frames a second in the store.",
+    help="Frames a second in a new store.",
 )
 @click.option(
     "--feature-set",
     default="f39",
     show_default=True,
     metavar="NAME|FILE",
-    help="Relational features: a shipped set or a TOML file.",
+    help="Features of a new store: f39, f31 or a TOML file.",
 )
 @click.option(
     "--no-poses",
     "poses",
     flag_value=False,
     default=True,
-    help="Keep no joint positions; the store is a tenth of the size.",
+    help="Keep no joint positions: less than a tenth of the size.",
 )
-@click.option("--prune", is_flag=True, help="Drop documents whose file is gone.")
+@click.option(
+    "--prune", is_flag=True, help="Drop documents whose file is gone from a folder that is there."
+)
 @click.option(
     "--skip-bad", is_flag=True, help="Pass over files that can't be used; the exit code is then 5."
 )
@@ -81,12 +86,17 @@ def index(
 ) -> int:
     """Read motion files and folders into a store.
 
-    Folders are searched all the way down for ASF/AMC and BVH files. What is new or has changed
-    since the last run is read, what is unchanged is left alone.
+    Folders are searched all the way down for AMC files, with their ASF skeletons, and BVH files.
+    What is new or has changed since the last run is read, what is unchanged is left alone; a run
+    that was cut off goes on where it stopped.
+
+    A document is named by its path below the INPUT that it was found in, so always name the
+    same INPUT, or the same --root.
 
     \b
     Example:
-      mocapidx index takes/ --store takes.store --skip-bad
+      mocapidx index takes/ --store takes.store
+      mocapidx index takes/ --store takes.store --skip-bad --prune --quiet
     """
     from mocapidx.tasks.index import IndexOptions, index_files
 
@@ -111,26 +121,33 @@ def index(
         )
     for refused in summary.refused:
         warn(refused.message)
-    for warning in () if quiet else warnings(summary, verbose):
+    for warning in () if quiet else warnings(summary, inputs, verbose):
         warn(warning)
     note(sentence(summary, store, rate), quiet)
     return SKIPPED if summary.refused else 0
 
 
-def warnings(summary: "IndexSummary", verbose: bool) -> Iterator[str]:
+def warnings(summary: "IndexSummary", inputs: tuple[Path, ...], verbose: bool) -> Iterator[str]:
     """Say what a person should look at after a run of `index`."""
+    if not (summary.added or summary.changed or summary.unchanged or summary.refused):
+        places = ", ".join(shown(path) for path in inputs)
+        yield f"no AMC or BVH file below {places}: is it the right folder?"
     if summary.assumed_rate:
+        files = count(len(summary.assumed_rate), "AMC file")
+        all_named = verbose or len(summary.assumed_rate) == 1
         names = "; ".join(shown(name) for name in summary.assumed_rate[: None if verbose else 1])
         yield (
-            f"nothing says the rate of {len(summary.assumed_rate)} AMC files, taken as 120 Hz "
-            f"(--source-rate says otherwise): {names}"
+            f"nothing says the rate of {files}, taken as 120 Hz (--source-rate HZ says "
+            f"otherwise){': ' if all_named else ', such as '}{names}"
         )
     if verbose:
         yield from summary.oddities
+    elif len(summary.oddities) == 1:
+        yield f"{summary.oddities[0]} ('mocapidx skeleton FILE' shows more)"
     elif summary.oddities:
         yield (
-            f"{len(summary.oddities)} oddities ('mocapidx skeleton FILE' shows more), such as "
-            f"{summary.oddities[0]}"
+            f"{len(summary.oddities)} things look odd (--verbose shows all, 'mocapidx skeleton "
+            f"FILE' more), such as {summary.oddities[0]}"
         )
 
 
@@ -145,6 +162,8 @@ def sentence(summary: "IndexSummary", store: Path, rate: float) -> str:
     if summary.refused:
         parts.append(f"{len(summary.refused)} could not be used")
     if summary.passed_over:
-        parts.append(f"{summary.passed_over} files of other kinds passed over")
+        files = count(summary.passed_over, "file")
+        parts.append(f"{files} of other kinds passed over")
     minutes = summary.frames / rate / 60
-    return f"{store}: {', '.join(parts)}; {minutes:.1f} minutes read in {summary.seconds:.1f} s"
+    read = f"{minutes:.1f} minutes of motion read in" if summary.frames else "nothing to read,"
+    return f"{shown(store)}: {', '.join(parts)}; {read} {summary.seconds:.1f} s"

@@ -13,18 +13,25 @@ __all__ = ["info"]
 @click.command()
 @store_argument
 @click.argument("document", required=False)
+@click.option("--documents", is_flag=True, help="List the documents instead.")
 @row_options
-def info(store: Path, document: str | None, row_format: str, output: Path) -> None:
+def info(store: Path, document: str | None, documents: bool, row_format: str, output: Path) -> None:
     """Show what STORE holds, or what is known of one DOCUMENT.
 
     \b
     Example:
       mocapidx info takes.store
+      mocapidx info takes.store --documents --format csv
       mocapidx info takes.store squat/anna_squat_1.amc
     """
-    from mocapidx.tasks.info import document_info, store_info
+    from mocapidx.tasks.info import DOCUMENT_COLUMNS, document_info, list_documents, store_info
     from mocapidx.tasks.records import pair_records
 
+    if documents:
+        if document is not None:
+            raise click.UsageError("--documents lists all; leave DOCUMENT out")
+        print_rows(list_documents(store), row_format, output, DOCUMENT_COLUMNS)
+        return
     facts = store_info(store) if document is None else document_info(store, document)
     records = [facts] if row_format == "jsonl" else pair_records(facts)
     print_rows(records, row_format, output, ("what", "value"))

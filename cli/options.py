@@ -27,6 +27,7 @@ jobs_option = click.option(
     "--jobs",
     type=click.IntRange(min=1),
     default=lambda: len(os.sched_getaffinity(0)),
+    metavar="N",
     help="Worker processes.  [default: all cores]",
 )
 
@@ -74,7 +75,8 @@ READING = (
     click.option(
         "--skeleton",
         type=click.Path(path_type=Path),
-        help="ASF file for all AMC files.  [default: found beside or above each]",
+        metavar="FILE.asf",
+        help="Skeleton of all AMC files.  [default: found beside or above each]",
     ),
     click.option(
         "--source-rate",
@@ -85,7 +87,8 @@ READING = (
     click.option(
         "--joint-map",
         type=click.Path(path_type=Path),
-        help="TOML file that maps a rig's nodes to the canonical joints.",
+        metavar="FILE.toml",
+        help="Maps a rig's nodes to the 24 joints.  [default: chosen by the names]",
     ),
     click.option(
         "--unit",

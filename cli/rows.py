@@ -4,6 +4,7 @@ Commands import the library when they run, so that their help needs no NumPy.
 """
 
 from collections.abc import Callable, Iterable, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -12,7 +13,7 @@ import click
 if TYPE_CHECKING:
     from mocapidx.tasks.records import Record
 
-__all__ = ["note", "print_rows", "row_options", "warn"]
+__all__ = ["count", "note", "print_rows", "row_options", "warn"]
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -23,7 +24,8 @@ def row_options(command: Command) -> Command:
         "--output",
         type=click.Path(dir_okay=False, path_type=Path, allow_dash=True),
         default=Path("-"),
-        help="Where the records go; a file is whole or not there.  [default: - (stdout)]",
+        metavar="FILE",
+        help="Where the records go; no file is left half written.  [default: - (stdout)]",
     )(command)
     return click.option(
         "--format",
@@ -36,17 +38,27 @@ def row_options(command: Command) -> Command:
 
 
 def print_rows(
-    records: "Iterable[Record]", row_format: str, output: Path, columns: Sequence[str]
+    records: "Iterable[Record]",
+    row_format: str,
+    output: Path,
+    columns: Sequence[str],
+    *,
+    above: Iterable[str] = (),
 ) -> None:
-    """Print records to stdout or to a file."""
+    """Print records to stdout or to a file, below what lines there are to stand above them."""
     from mocapidx.tasks.records import render_records, save_text
 
-    lines = render_records(records, row_format, columns)
+    lines = chain(above, render_records(records, row_format, columns))
     if str(output) == "-":
         for line in lines:
             click.echo(line)
     else:
         save_text(lines, output)
+
+
+def count(number: int, noun: str) -> str:
+    """Say how many there are of what: 1 file, 2 files."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 def warn(message: str) -> None:

@@ -19,6 +19,9 @@ __all__ = ["skeleton"]
 def skeleton(file: Path, nodes: bool, row_format: str, output: Path, **reading: Any) -> None:
     """Show how FILE's skeleton is understood: unit, axes, joints, and the evidence for each.
 
+    FILE is a motion file; for ASF skeletons, name an AMC file that moves them. Joints are real,
+    made up because the rig lacks them, or missing. Lengths are from the parent joint.
+
     \b
     Example:
       mocapidx skeleton walk.bvh
@@ -28,9 +31,6 @@ def skeleton(file: Path, nodes: bool, row_format: str, output: Path, **reading: 
     from mocapidx.tasks.skeleton_records import guesses, joint_records, node_records
 
     report = skeleton_report(file, read_options(reading))
-    if row_format == "table":
-        for line in guesses(report):
-            click.echo(line)
-        click.echo()
     records = node_records(report) if nodes else joint_records(report)
-    print_rows(records, row_format, output, list(records[0]))
+    above = [*guesses(report), ""] if row_format == "table" else []
+    print_rows(records, row_format, output, list(records[0]), above=above)

@@ -7,7 +7,7 @@ import click
 from mocapidx.errors import StoreError
 
 from .options import lock_options, quiet_option, store_argument
-from .rows import note
+from .rows import count, note
 
 __all__ = ["verify"]
 
@@ -27,7 +27,8 @@ def verify(
 ) -> int:
     """Check every byte of STORE; repair what can be rebuilt.
 
-    The exit code is 4 where damage was found, 0 where there is none or all was rebuilt.
+    The exit code is 4 where damage was found, 0 where there is none or all was rebuilt. A repair
+    prints the motion files that have to be indexed again, one a line.
 
     \b
     Example:
@@ -49,16 +50,15 @@ def verify(
         click.echo(path)  # for `xargs mocapidx index`
     if not report.problems:
         megabytes = report.size / 1e6
-        note(f"{store}: sound; {report.documents} documents, {megabytes:.1f} MB", quiet)
+        note(f"{store}: sound; {count(report.documents, 'document')}, {megabytes:.1f} MB", quiet)
         return 0
     if report.lost:
-        raise StoreError(
-            f"{store}: {len(report.lost)} documents were lost; index the files named above again"
-        )
+        lost = count(len(report.lost), "document")
+        raise StoreError(f"{store}: {lost} lost; index the files named above again")
     if repair:
         note(f"{store}: repaired", quiet)
         return 0
+    found = count(len(report.problems), "problem")
     raise StoreError(
-        f"{store}: {len(report.problems)} problems; 'mocapidx verify {store} --repair' mends "
-        "what can be rebuilt"
+        f"{store}: {found}; 'mocapidx verify {store} --repair' mends what can be rebuilt"
     )

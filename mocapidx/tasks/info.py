@@ -2,6 +2,7 @@
 
 from importlib.metadata import version
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -9,12 +10,22 @@ from mocapidx.errors import ParameterError
 from mocapidx.features.featureset import PARTS, FeatureSet
 from mocapidx.printable import shown
 from mocapidx.store import schema
-from mocapidx.store.manifest import Document, Placed
+from mocapidx.store.manifest import Document, Placed, Rig
 from mocapidx.store.read import Snapshot, open_store
 from mocapidx.tasks.records import Record
 from mocapidx.tasks.segment_sources import segment_source, store_feature_set, untrusted_mask
+from mocapidx.tasks.stored import REST
 
-__all__ = ["document_info", "store_info"]
+__all__ = ["DOCUMENT_COLUMNS", "document_info", "list_documents", "store_info"]
+
+DOCUMENT_COLUMNS: Final = (
+    "document",
+    "seconds",
+    "source_frames",
+    "source_rate_hz",
+    "joint_map",
+)
+"""What a table shows of each document."""
 
 
 def store_info(store: str | Path) -> Record:
@@ -116,11 +127,59 @@ def document_info(store: str | Path, name: str) -> Record:
             low, high = np.searchsorted(part.starts, np.array(ends, np.uint32))
             facts[f"{name}_segments"] = int(high - low)
         facts["untrusted_features"] = _untrusted(document, feature_set)
-        facts |= {
-            key: value if isinstance(value, (int, float, str)) else str(value)
-            for key, value in document.rig.items()
-            if key not in ("options", "untrusted")
-        }
+        facts |= _rig_facts(document.rig)
+    return facts
+
+
+def list_documents(store: str | Path) -> list[Record]:
+    """List the documents of a store.
+
+    Parameters
+    ----------
+    store : str or Path
+
+    Returns
+    -------
+    list of mapping
+        Name, length in seconds, frames and rate of the source, the joint map and the source, in
+        the order of the names.
+
+    Raises
+    ------
+    StoreError
+    """
+    with open_store(Path(store)) as snapshot:
+        rate = snapshot.manifest.settings.rate
+        return [
+            {
+                "document": document.name,
+                "seconds": round(document.frames / rate, 3),
+                "source_frames": document.source_frames,
+                "source_rate_hz": _whole(document.source_rate),
+                "joint_map": document.rig.get("joint_map"),
+                "source": str(document.source),
+            }
+            for document in sorted(
+                (entry.document for entry in snapshot.documents()), key=lambda one: one.name
+            )
+        ]
+
+
+def _whole(rate: float) -> int | float:
+    return int(rate) if rate.is_integer() else rate
+
+
+def _rig_facts(rig: Rig) -> Record:
+    """Say how a skeleton was understood; what only `index` needs to know is left out."""
+    skeleton = rig.get("skeleton")
+    facts: dict[str, object] = {"skeleton": skeleton[0]} if skeleton else {}
+    for key, value in rig.items():
+        if key == "coincident":
+            facts[key] = ", ".join(f"{one} = {other}" for one, other in value) or "none"
+        elif isinstance(value, (list, tuple)) and key not in ("skeleton", REST):
+            facts[key] = ", ".join(map(str, value)) or "none"
+        elif isinstance(value, (int, float, str)) and key not in ("options", "untrusted"):
+            facts[key] = value
     return facts
 
 
@@ -128,7 +187,14 @@ def _find(snapshot: Snapshot, name: str) -> Placed:
     for entry in snapshot.documents():
         if entry.document.name == name:
             return entry
-    raise ParameterError(f"{snapshot.path}: has no document '{shown(name)}'")
+    near = sorted(
+        entry.document.name for entry in snapshot.documents() if name in entry.document.name
+    )
+    meant = f"; {len(near)} names hold that, such as '{shown(near[0])}'" if near else ""
+    raise ParameterError(
+        f"{snapshot.path}: has no document '{shown(name)}'{meant} "
+        f"('mocapidx info STORE --documents' lists all)"
+    )
 
 
 def _untrusted(document: Document, feature_set: FeatureSet) -> str:

@@ -5,7 +5,7 @@ import io
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 from mocapidx.durable import durable_replace
 from mocapidx.model import Hit
@@ -15,9 +15,11 @@ __all__ = ["HIT_COLUMNS", "Record", "hit_record", "pair_records", "render_record
 
 Record: TypeAlias = Mapping[str, object]
 
-HIT_COLUMNS = (
+HIT_COLUMNS: Final = (
     "rank",
     "document",
+    "start_frame",
+    "end_frame",
     "start_time",
     "end_time",
     "source_start_frame",
@@ -25,7 +27,18 @@ HIT_COLUMNS = (
     "cost",
     "label",
 )
-"""What a table shows of a hit."""
+"""The keys of a hit, in their order."""
+
+HEADINGS: Final = {
+    "start_time": "start s",
+    "end_time": "end s",
+    "source_start_frame": "from frame",
+    "source_end_frame": "to frame",
+}
+"""Column heads of tables where the key with blanks for underscores would be too wide."""
+
+FOR_PROGRAMS: Final = frozenset({"start_frame", "end_frame"})
+"""Keys that tables leave out: frames at the store's rate, of which people have no use."""
 
 
 def hit_record(hit: Hit, rank: int) -> Record:
@@ -76,8 +89,8 @@ def render_records(
         All with the same keys.
     row_format : {"table", "jsonl", "csv"}
     columns : sequence of str
-        The columns of a table; ``csv`` takes them for its header where there is no record.
-        JSON lines and CSV hold every key of a record.
+        The columns of a table, but for those that only programs want; ``csv`` takes them for
+        its header where there is no record. JSON lines and CSV hold every key of a record.
 
     Yields
     ------
@@ -109,19 +122,26 @@ def _csv_cell(value: object) -> object:
 
 
 def _table_lines(records: Sequence[Record], columns: Sequence[str]) -> Iterator[str]:
+    columns = [name for name in columns if name not in _left_out(columns)]
+    heads = [HEADINGS.get(name, name.replace("_", " ")) for name in columns]
     rows = [[_table_cell(record[name]) for name in columns] for record in records]
     numeric = [
         bool(records)
         and all(isinstance(record[name], (int, float, type(None))) for record in records)
         for name in columns
     ]
-    widths = [max(map(len, column)) for column in zip(columns, *rows, strict=True)]
-    for row in ([name.replace("_", " ") for name in columns], *rows):
+    widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
+    for row in (heads, *rows):
         cells = (
             cell.rjust(width) if right else cell.ljust(width)
             for cell, width, right in zip(row, widths, numeric, strict=True)
         )
         yield "  ".join(cells).rstrip()
+
+
+def _left_out(columns: Sequence[str]) -> frozenset[str]:
+    # What is ranked answers one question, so that the label is the same in every row.
+    return FOR_PROGRAMS | {"label"} if "rank" in columns else FOR_PROGRAMS
 
 
 def _table_cell(value: object) -> str:

@@ -1,0 +1,52 @@
+import csv
+import io
+import json
+
+import pytest
+
+from mocapidx.model import Hit
+from mocapidx.tasks.records import HIT_COLUMNS, hit_record, render_records
+
+HIT = Hit("kick/ann.amc", 10, 25, 1 / 3, 5 / 6, 40, 100, 0.12345, "kick")
+
+
+def lines(records, row_format):
+    return list(render_records(records, row_format, HIT_COLUMNS))
+
+
+def test_a_table_of_hits_has_what_people_need_and_fits_a_narrow_terminal():
+    head, row = lines([hit_record(HIT, 1)], "table")
+    assert head == "rank  document      start s  end s  from frame  to frame   cost"
+    assert row == "   1  kick/ann.amc    0.333  0.833          40       100  0.123"
+
+
+def test_an_empty_table_is_its_head():
+    assert lines([], "table") == ["rank  document  start s  end s  from frame  to frame  cost"]
+
+
+def test_csv_without_hits_has_the_header_of_csv_with_hits():
+    (empty,) = lines([], "csv")
+    header, row = lines([hit_record(HIT, 1)], "csv")
+    assert empty == header == ",".join(HIT_COLUMNS)
+    values = next(csv.DictReader(io.StringIO(f"{header}\n{row}")))
+    assert (values["start_frame"], values["end_frame"], values["label"]) == ("10", "25", "kick")
+
+
+def test_json_lines_have_every_key_in_its_order():
+    (line,) = lines([hit_record(HIT, 1)], "jsonl")
+    assert list(json.loads(line)) == list(HIT_COLUMNS)
+    assert json.loads(line)["start_time"] == 0.333333
+
+
+def test_a_label_is_shown_where_rows_are_not_ranked():
+    record = {"document": "a", "start_time": 0.5, "label": "walk", "cost": None}
+    assert list(render_records([record], "table", list(record))) == [
+        "document  start s  label  cost",
+        "a           0.500  walk      -",
+    ]
+
+
+@pytest.mark.parametrize("row_format", ["table", "csv"])
+def test_names_can_not_break_a_line(row_format):
+    record = {"document": "a\nb\x1b[2J", "label": "=1+1"}
+    assert len(list(render_records([record], row_format, list(record)))) == 2
