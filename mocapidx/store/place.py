@@ -123,7 +123,7 @@ def sweep(path: Path, manifest: Manifest) -> None:
 
 
 def _strangers(path: Path) -> bool:
-    ours = {schema.LOCK, schema.SEGMENTS}
+    ours = {schema.LOCK, schema.SEGMENTS, schema.SIGMA}
     return any(
         name not in ours and not schema.TEMPORARY_NAME.fullmatch(name) for name in os.listdir(path)
     )

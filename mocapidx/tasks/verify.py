@@ -14,7 +14,8 @@ from mocapidx.index.postings import encode_index
 from mocapidx.store.files import DamagedError
 from mocapidx.store.manifest import SegmentFile
 from mocapidx.store.read import Snapshot, read_manifest
-from mocapidx.store.schema import SEGMENTS
+from mocapidx.store.schema import SEGMENTS, SIGMA
+from mocapidx.store.sigma import drop_sigma, sigma_fault
 from mocapidx.store.verify import Problem, check_blocks, check_digests, check_schemas
 from mocapidx.store.write import writing
 from mocapidx.tasks.batch import merged_batch
@@ -72,7 +73,8 @@ def verify_store(
         and metadata, the HDF5 files with the closed schema (by HDF5 itself, in a child process
         with limits), the runs with the feature words and every inverted list with the runs.
     repair : bool
-        Build damaged indexes again, and set segment files aside whose HDF5 file is damaged.
+        Build damaged indexes again, set segment files aside whose HDF5 file is damaged, and
+        remove damaged measurements, which are made again when needed.
     lock_timeout : float
         How long a repair waits for another writer, in seconds.
     use_lock : bool
@@ -128,7 +130,10 @@ def _repair(
     sources = sorted(
         entry.document.source for file in lost for entry in file.placed() if entry.document.live
     )
-    return _summary(before, problems, tuple(rebuilt), tuple(set_aside), tuple(sources))
+    summary = _summary(before, problems, tuple(rebuilt), tuple(set_aside), tuple(sources))
+    if sigma_fault(path) is not None:
+        drop_sigma(path)
+    return summary
 
 
 def _summary(
@@ -138,7 +143,10 @@ def _summary(
     set_aside: tuple[Path, ...] = (),
     lost: tuple[Path, ...] = (),
 ) -> VerifyReport:
-    lines = (f"{snapshot.path / 'segments' / found.name}: {found.what}" for found in problems)
+    sigma = sigma_fault(snapshot.path)
+    lines = [f"{snapshot.path / 'segments' / found.name}: {found.what}" for found in problems]
+    if sigma is not None:
+        lines.append(f"{snapshot.path / SIGMA}: {sigma}; it is measured again when needed")
     return VerifyReport(
         documents=len(snapshot.documents()),
         files=len(snapshot.files),
