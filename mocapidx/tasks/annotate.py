@@ -31,7 +31,7 @@ from mocapidx.templates.match import find_hits, match_documents
 from mocapidx.templates.path import UNKNOWN_COST, annotate_words, loop_bank
 from mocapidx.templates.quantise import quantise
 from mocapidx.templates.template import MotionTemplate, TemplateSet
-from mocapidx.templates.thresholds import beaten_by_rivals
+from mocapidx.templates.thresholds import beaten_by_rivals, own_threshold
 
 __all__ = [
     "ANNOTATION_COLUMNS",
@@ -337,7 +337,9 @@ def _hit_annotations(work: _Work, piece: _Piece) -> Iterator[Annotation]:
     found: dict[int, list[tuple[int, int, float, float, int]]] = {}
     for template in work.templates:
         number = labels.index(template.label)
-        tau = template.threshold if work.options.tau is None else work.options.tau
+        rivals = work.options.overlap == "rivals" and len(labels) > 1
+        own = own_threshold(template, rivals)
+        tau = own if work.options.tau is None else work.options.tau
         quantised = quantise(template.matrix, template.delta).without(piece.untrusted)
         hits = find_hits(match_documents(quantised, piece.words, piece.bounds), tau)
         columns = (hits.documents, hits.starts, hits.ends, hits.costs)

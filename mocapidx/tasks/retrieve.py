@@ -5,7 +5,7 @@ import math
 import re
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Literal, TypeAlias
 
@@ -26,7 +26,7 @@ from mocapidx.templates.keyframes import TOLERANCE, Keyframes, choose_keyframes,
 from mocapidx.templates.match import Hits, Matching, find_hits, match_documents, merge_hits
 from mocapidx.templates.quantise import Quantised, quantise
 from mocapidx.templates.template import TAU, MotionTemplate, TemplateSet
-from mocapidx.templates.thresholds import beaten_by_rivals
+from mocapidx.templates.thresholds import beaten_by_rivals, own_threshold
 
 __all__ = ["KeyframeChoice", "RetrieveOptions", "Retrieved", "parse_keyframes", "retrieve"]
 
@@ -156,6 +156,7 @@ def retrieve(
     if options.rivals and options.tau is None:
         others = (other for other in known.labels if other != label)
         rivals = tuple(t for other in others for t in known.of(other) if t.kind == "class")
+    options = replace(options, rivals=bool(rivals))
     found: list[Hit] = []
     curves: list[tuple[str, int, CostArray]] = []
     remarks = list(_remarks(own, label, options))
@@ -245,7 +246,7 @@ def _delta(template: MotionTemplate, options: RetrieveOptions) -> float:
 
 
 def _threshold(template: MotionTemplate, options: RetrieveOptions) -> float:
-    return template.threshold if options.tau is None else options.tau
+    return own_threshold(template, options.rivals) if options.tau is None else options.tau
 
 
 def _hits(

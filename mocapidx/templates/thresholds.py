@@ -13,9 +13,11 @@ import numpy as np
 from mocapidx.model import BoolArray, FloatArray, IndexArray, WordArray
 from mocapidx.templates.match import SHARED, lowest_costs, match_documents
 from mocapidx.templates.quantise import quantise
+from mocapidx.templates.template import MotionTemplate
 
 __all__ = [
     "POOR_SEPARATION",
+    "RIVAL_SLACK",
     "Clip",
     "Threshold",
     "background_cost",
@@ -23,10 +25,14 @@ __all__ = [
     "held_out_costs",
     "learn_threshold",
     "lowest_in_clips",
+    "own_threshold",
 ]
 
 BACKGROUND_SHARE = 0.7  # where between the costs of its own and of other motion tau lies
 BACKGROUND_QUANTILE = 0.02  # unlabelled motion may hold the class itself
+RIVAL_SLACK = 1.1
+"""Where rivals decide too, a class's own threshold may be so much wider: what it lets in of other
+classes, they explain better."""
 POOR_SEPARATION = 0.75
 """Positive cost over background cost from which on a class should be called badly separated."""
 
@@ -206,6 +212,25 @@ def lowest_in_clips(matrix: FloatArray, delta: float, clips: Sequence[Clip]) -> 
         matching = match_documents(quantised.without(mask), np.concatenate(words), bounds)
         costs[numbers] = lowest_costs(matching)
     return costs
+
+
+def own_threshold(template: MotionTemplate, rivals: bool) -> float:
+    """Give the cost below which a match of a template is a hit.
+
+    Parameters
+    ----------
+    template : MotionTemplate
+    rivals : bool
+        Whether other classes may take the hit away.
+
+    Returns
+    -------
+    float
+        `RIVAL_SLACK` times a learned threshold where there are rivals; else the learned one, or
+        the default.
+    """
+    slack = RIVAL_SLACK if rivals and template.tau is not None else 1.0
+    return template.threshold * slack
 
 
 def beaten_by_rivals(

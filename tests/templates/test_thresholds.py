@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from mocapidx.templates.learn import learn_template
 from mocapidx.templates.match import distance_function
 from mocapidx.templates.template import MotionTemplate
 from mocapidx.templates.thresholds import (
+    RIVAL_SLACK,
     Clip,
     Threshold,
     background_cost,
@@ -17,6 +19,7 @@ from mocapidx.templates.thresholds import (
     held_out_costs,
     learn_threshold,
     lowest_in_clips,
+    own_threshold,
 )
 
 
@@ -135,3 +138,11 @@ def test_rivals_are_those_of_the_definition(rows):
             for j in range(len(rows))
         )
         assert found[i] == expected
+
+
+def test_a_learned_threshold_is_wider_where_rivals_decide_too():
+    template = MotionTemplate("x", np.ones((4, 2)), "", 30.0)
+    assert own_threshold(template, rivals=True) == template.threshold  # none was learned
+    learned = replace(template, tau=0.05)
+    assert own_threshold(learned, rivals=False) == 0.05
+    assert own_threshold(learned, rivals=True) == pytest.approx(0.05 * RIVAL_SLACK)
