@@ -18,8 +18,8 @@ def matches(ones, weights, frames):
                 total[k][column] = (cost, -column)
                 continue
             before = [
-                (total[k - up][column - left][0] + times * cost, total[k - up][column - left][1])
-                for up, left, times in ((1, 1, 1), (2, 1, 2), (1, 2, 1))
+                (total[k - up][column - left][0] + paid, total[k - up][column - left][1])
+                for up, left, paid in ((1, 1, cost), (2, 1, 2 * cost + 1), (1, 2, cost + 1))
                 if k >= up and column >= left
             ]
             total[k][column] = min(before, default=(math.inf, 0))

@@ -1,9 +1,10 @@
 """Subsequence dynamic time warping of rows in which every feature has a weight of its own.
 
-The steps are (1, 1), (2, 1), (1, 2), and (2, 1) pays twice. Costs are whole numbers below
-2**53, so sums are exact in whatever order they are taken, and one number carries the cost of a
-match together with its first frame: the lowest is the cheapest match and, of equal ones, the
-shortest.
+The steps are (1, 1), (2, 1), (1, 2); (2, 1) pays twice, and every step but (1, 1) one unit more,
+so that of equal matches the one nearest to the pattern's own tempo wins. Costs are whole numbers
+below 2**53, so sums are exact in whatever order they are taken, and one number carries the cost
+of a match together with its first frame: the lowest is the cheapest match and, of equal ones,
+the shortest.
 """
 
 from collections.abc import Iterator
@@ -20,7 +21,8 @@ __all__ = ["LARGEST_WEIGHT", "LONGEST_PATTERN", "Vocabulary", "match_rows", "voc
 
 LONGEST_PATTERN: Final = 4096  # rows
 LARGEST_WEIGHT: Final = 1 << 18
-"""64 features of this weight add up to 2**24, which single precision still counts exactly."""
+"""64 features of this weight add up to 2**24, which single precision still counts exactly; the
+unit of the steps is nothing beside it."""
 
 BLOCK: Final = 16_384  # frames; the rows of costs stay in the second-level cache
 SPAN: Final = 1 << 16  # numbers of frames in a block with all that its matches can reach
@@ -83,7 +85,8 @@ def match_rows(
     Returns
     -------
     costs : ndarray of float64, shape (L,)
-        Sum of the local costs along the path, exact; infinite where no match can end.
+        Sum of the local costs along the path, and 1 for each step but (1, 1); exact, infinite
+        where no match can end.
     starts : ndarray of int64, shape (L,)
         First frame of the match, of several equally good ones the latest; -1 for none.
 
@@ -142,8 +145,9 @@ def _last_row(
             np.add(cost, np.arange(SPAN - 1, SPAN - 1 - length, -1), out=here)
         else:
             np.add(two_rows_up[1:-1], cost, out=skipping)
-            np.minimum(one_row_up[1:-1], one_row_up[:-2], out=here)
-            np.minimum(here, skipping, out=here)
+            np.minimum(one_row_up[:-2], skipping, out=here)
+            np.add(here, SPAN, out=here)
+            np.minimum(here, one_row_up[1:-1], out=here)
             np.add(here, cost, out=here)
         here[breaks] = np.inf
         two_rows_up, one_row_up, row = one_row_up, row, two_rows_up

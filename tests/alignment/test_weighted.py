@@ -25,6 +25,12 @@ def test_costs_and_starts_are_those_of_the_plain_version(seed):
     assert list(zip(costs.tolist(), starts.tolist(), strict=True)) == expected
 
 
+def test_a_match_with_itself_has_its_own_tempo():
+    ones = np.repeat(np.eye(3, dtype=bool), 5, axis=0)
+    costs, starts = match_rows(ones, np.full(ones.shape, 7.0), pack_words(ones))
+    assert (costs[-1], starts[-1]) == (0, 0)
+
+
 def test_blocks_change_nothing(monkeypatch):
     ones, weights, frames = random_case(1, rows=9, frames=400)
     breaks = np.array([100, 101, 250, 251])
@@ -51,8 +57,8 @@ def test_the_largest_pattern_is_still_exact():
     ones = np.ones((4096, 64), dtype=bool)
     weights = np.full((4096, 64), float(LARGEST_WEIGHT))
     costs, starts = match_rows(ones, weights, np.zeros(4200, dtype=np.uint64))
-    # The fewest frames: every second row, each but the first paid twice, and one step of one.
-    assert costs[2048] == 4096 * 64 * LARGEST_WEIGHT
+    # The fewest frames: one step of one row, then every second row, each paid twice.
+    assert costs[2048] == 4096 * 64 * LARGEST_WEIGHT + 2047
     assert starts[2048] == 0
     assert np.isinf(costs[2047])
     assert starts[2047] == -1

@@ -1,0 +1,331 @@
+"""Query by one example without choosing features: a one-shot template with guarded feedback."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from mocapidx.alignment.weighted import LONGEST_PATTERN
+from mocapidx.errors import ParameterError
+from mocapidx.features.extract import extract_features, feature_margins, untrusted_features
+from mocapidx.features.featureset import FeatureSet
+from mocapidx.features.words import pack_words
+from mocapidx.model import FloatArray, Hit, IndexArray, WordArray
+from mocapidx.printable import shown
+from mocapidx.skeleton.resample import resample_motion
+from mocapidx.store.read import Snapshot, open_store
+from mocapidx.tasks.hits import make_hit
+from mocapidx.tasks.oneshot_learn import learn_from_hits
+from mocapidx.tasks.oneshot_scan import Area, Ranking, choose_area, median_cost, rank
+from mocapidx.tasks.query import Example, parse_example
+from mocapidx.tasks.read import ReadOptions, read_take
+from mocapidx.tasks.records import Record, hit_record
+from mocapidx.tasks.segment_sources import store_feature_set, untrusted_mask
+from mocapidx.tasks.sigma import store_sigma
+from mocapidx.tasks.store_poses import read_shot
+from mocapidx.templates.oneshot import (
+    ACCEPTED,
+    SURE,
+    OneShot,
+    Pattern,
+    accept,
+    flipping_distances,
+    join_examples,
+    signed_distances,
+    weigh,
+    weight_shares,
+)
+from mocapidx.templates.thresholds import Clip
+
+__all__ = ["AutoFound", "WeightShare", "auto_records", "query_auto", "weight_records"]
+
+SHOWN_ROWS: Final = 10
+"""Rows that carry the weight, as far as a person wants to read them."""
+
+
+@dataclass(frozen=True, slots=True)
+class WeightShare:
+    """How much one feature matters to a one-shot template.
+
+    Parameters
+    ----------
+    feature : str
+        Its id.
+    name : str
+        What it says in words.
+    share : float
+        Of all weight, from 0 to 1.
+    on : float
+        Of its weight, how much expects the feature to be on.
+    """
+
+    feature: str
+    name: str
+    share: float
+    on: float
+
+
+@dataclass(frozen=True, slots=True)
+class AutoFound:
+    """The answer to a query by one example, features being weighed automatically.
+
+    Parameters
+    ----------
+    hits : tuple of Hit
+        By cost, then document name, then start.
+    sure : tuple of bool
+        Which of them cost at most a fifth of the median.
+    accepted : tuple of Hit
+        What was taken for the same motion after the first look, and sharpened the template.
+    weights : tuple of WeightShare
+        What the template is about, the weightiest first.
+    remarks : tuple of str
+        What a person should know about the answer, a sentence each.
+    """
+
+    hits: tuple[Hit, ...]
+    sure: tuple[bool, ...]
+    accepted: tuple[Hit, ...]
+    weights: tuple[WeightShare, ...]
+    remarks: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Shot:
+    """The example: its name, its words, and how firmly its features hold."""
+
+    label: str
+    words: WordArray
+    untrusted: int
+    shot: OneShot
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Answer:
+    """A ranking, the pattern it is of, and what led to it."""
+
+    pattern: Pattern
+    ranking: Ranking
+    median: float
+    accepted: tuple[Hit, ...] = ()
+
+
+def query_auto(
+    store: str | Path,
+    example: str | Path | Example,
+    *,
+    feedback: bool = True,
+    top: int | None = None,
+    learn: Path | None = None,
+    read: ReadOptions | None = None,
+) -> AutoFound:
+    """Rank everything in a store by how much it is like one example; no features are chosen.
+
+    Parameters
+    ----------
+    store : str or Path
+    example : str, Path or Example
+        As text: ``FILE`` or ``FILE@START:END``.
+    feedback : bool
+        Sharpen the template once with the hits that are surely the same motion.
+    top : int, optional
+        Keep the best only.
+    learn : Path, optional
+        Make an ordinary template of the example and these hits, and write it to this file.
+    read : ReadOptions, optional
+        How the example's file is understood.
+
+    Returns
+    -------
+    AutoFound
+
+    Raises
+    ------
+    FormatError
+        If the example can't be used.
+    ParameterError, StoreError
+    WriteError
+        If the template could not be written.
+    """
+    if not isinstance(example, Example):
+        example = parse_example(str(example))
+    with open_store(Path(store)) as snapshot:
+        settings = snapshot.manifest.settings
+        feature_set = store_feature_set(snapshot)
+        shot = _read_example(example, feature_set, settings.rate, read or ReadOptions())
+        remarks = list(_remarks(snapshot, shot, feature_set, feedback))
+        sigma = store_sigma(snapshot, feature_set)
+        signed = signed_distances(shot.shot, sigma)
+        pattern = weigh(signed)
+        area = choose_area(snapshot, pattern)
+        if area.pieces is not None:
+            remarks.append(
+                "the store is too large to be looked through: the better fifth of a coarse scan "
+                "was; about one hit in a hundred is lost"
+            )
+        answer = _ranked(area, pattern)
+        if feedback and settings.poses:
+            answer = _sharpened(area, answer, shot, signed, sigma, feature_set)
+        if feedback and not answer.accepted:
+            remarks.append("no hit was near enough to sharpen the template with")
+        if learn is not None:
+            clip = Clip(shot.words & ~np.uint64(shot.untrusted), shot.untrusted)
+            learn_from_hits(learn, clip, example, snapshot, answer.accepted)
+        hits = _hits(area, answer.ranking, slice(top), shot.label)
+    sure = answer.ranking.costs[:top] <= SURE * answer.median
+    return AutoFound(
+        hits,
+        tuple(sure.tolist()),
+        answer.accepted,
+        tuple(_weights(answer.pattern, feature_set)),
+        tuple(remarks),
+    )
+
+
+def auto_records(found: AutoFound) -> list[Record]:
+    """Lay the hits out as records: those of every query, then `sure` and `accepted`.
+
+    Parameters
+    ----------
+    found : AutoFound
+
+    Returns
+    -------
+    list of dict
+        `sure` says whether a hit is as good as certain, `accepted` how many hits sharpened the
+        template.
+    """
+    pairs = zip(found.hits, found.sure, strict=True)
+    return [
+        {**hit_record(hit, number), "sure": sure, "accepted": len(found.accepted)}
+        for number, (hit, sure) in enumerate(pairs, start=1)
+    ]
+
+
+def weight_records(found: AutoFound) -> list[Record]:
+    """Lay out what the template is about, for people and programs.
+
+    Parameters
+    ----------
+    found : AutoFound
+
+    Returns
+    -------
+    list of dict
+        The weightiest features, as shares of all weight.
+    """
+    return [
+        {
+            "feature": row.feature,
+            "name": row.name,
+            "share": round(row.share, 4),
+            "on": round(row.on, 4),
+        }
+        for row in found.weights[:SHOWN_ROWS]
+    ]
+
+
+def _read_example(
+    example: Example, feature_set: FeatureSet, rate: float, options: ReadOptions
+) -> _Shot:
+    motion = resample_motion(read_take(example.path, options).motion, rate)
+    bits = extract_features(motion, feature_set, rate)
+    margins = feature_margins(motion, feature_set, rate)
+    distances = flipping_distances(bits, margins.strong, margins.weak)
+    untrusted = untrusted_features(motion, feature_set)
+    distances[:, [bit for bit in range(bits.shape[1]) if untrusted >> bit & 1]] = np.nan
+    # Cut after extraction: velocities and hysteresis then know what came before.
+    start = round((example.start or 0.0) * rate)
+    end = len(bits) if example.end is None else min(len(bits), round(example.end * rate))
+    if start >= end:
+        raise ParameterError(
+            f"{shown(str(example.path))}: lasts {len(bits) / rate:.2f} s, "
+            f"the example starts at {start / rate:.2f} s"
+        )
+    if end - start > LONGEST_PATTERN:
+        raise ParameterError(
+            f"{shown(str(example.path))}: the example has {end - start} frames, at most "
+            f"{LONGEST_PATTERN} are compared; give the part that matters as FILE@START:END"
+        )
+    bits, distances = bits[start:end], distances[start:end]
+    return _Shot(example.label, pack_words(bits), untrusted, OneShot(bits, distances))
+
+
+def _remarks(
+    snapshot: Snapshot, shot: _Shot, feature_set: FeatureSet, feedback: bool
+) -> Sequence[str]:
+    remarks = []
+    if shot.untrusted:
+        remarks.append(
+            f"the example's skeleton can't tell {_names(feature_set, shot.untrusted)}; "
+            "they have no weight"
+        )
+    if not snapshot.manifest.settings.poses:
+        without = "feedback and " if feedback else ""
+        remarks.append(f"the store keeps no poses: there is no {without}measure of its own people")
+    left_out: dict[int, int] = {}
+    for placed in snapshot.documents():
+        if mask := untrusted_mask(placed.document) & ~shot.untrusted:
+            left_out[mask] = left_out.get(mask, 0) + 1
+    for mask, documents in left_out.items():
+        names = _names(feature_set, mask)
+        remarks.append(f"in {documents} documents {names} has no weight: they can't tell it")
+    return remarks
+
+
+def _names(feature_set: FeatureSet, mask: int) -> str:
+    return ", ".join(
+        identifier for bit, identifier in enumerate(feature_set.ids) if mask >> bit & 1
+    )
+
+
+def _ranked(area: Area, pattern: Pattern, accepted: tuple[Hit, ...] = ()) -> _Answer:
+    ranking = rank(area, pattern)
+    return _Answer(pattern, ranking, median_cost(area, pattern, ranking), accepted)
+
+
+def _sharpened(
+    area: Area,
+    first: _Answer,
+    shot: _Shot,
+    signed: FloatArray,
+    sigma: FloatArray,
+    feature_set: FeatureSet,
+) -> _Answer:
+    """Rank again with what the example and its nearest hits have in common."""
+    ranking = first.ranking
+    chosen = accept(ranking.costs, ranking.documents, first.median)
+    if not len(chosen):
+        return first
+    others, trust = [], []
+    for hit in chosen.tolist():
+        placed = area.documents[int(ranking.documents[hit])]
+        start, end = int(ranking.starts[hit]), int(ranking.ends[hit])
+        other = read_shot(area.snapshot, placed, start, end, feature_set)
+        others.append((other.bits, signed_distances(other, sigma)))
+        # A hit at the very limit tells nothing.
+        trust.append(1.0 - float(ranking.costs[hit]) / (ACCEPTED * first.median))
+    joined = join_examples(shot.shot.bits, signed, others, trust)
+    return _ranked(area, weigh(joined), _hits(area, ranking, chosen, shot.label))
+
+
+def _hits(area: Area, ranking: Ranking, chosen: IndexArray | slice, label: str) -> tuple[Hit, ...]:
+    columns = (ranking.documents, ranking.starts, ranking.ends, ranking.costs)
+    rows = zip(*(column[chosen].tolist() for column in columns), strict=True)
+    rate = area.snapshot.manifest.settings.rate
+    return tuple(
+        make_hit(area.documents[number].document, start, end, rate, cost, label)
+        for number, start, end, cost in rows
+    )
+
+
+def _weights(pattern: Pattern, feature_set: FeatureSet) -> list[WeightShare]:
+    rows = []
+    for number, share in weight_shares(pattern):
+        weights = pattern.weights[:, number]
+        on = float(weights[pattern.ones[:, number]].sum() / weights.sum())
+        feature = feature_set.features[number]
+        rows.append(WeightShare(feature.id, feature.name, share, on))
+    return rows
