@@ -123,32 +123,45 @@ def confusion_seconds(
         Seconds for each pair of label and annotation; the empty text is none.
     """
     spent: dict[tuple[str, str], float] = {}
-    for document in sorted({each.document for each in (*found, *truth)}):
-        own_found = [each for each in found if each.document == document]
-        own_truth = [each for each in truth if each.document == document]
-        ends = [each.end for each in (*own_found, *own_truth) if math.isfinite(each.end)]
+    own_found, own_truth = _by_document(found), _by_document(truth)
+    for document in sorted({*own_found, *own_truth}):
+        said, labels = own_found.get(document, []), own_truth.get(document, [])
+        ends = [each.end for each in (*said, *labels) if math.isfinite(each.end)]
         length = lengths.get(document, max(ends, default=0.0))
-        for start, end in _moments((*own_found, *own_truth), length):
-            for pair, share in _pairs(own_found, own_truth, (start + end) / 2):
-                spent[pair] = spent.get(pair, 0.0) + share * (end - start)
+        times = [time for each in (*said, *labels) for time in (each.start, each.end)]
+        cuts = np.unique(np.clip([0.0, length, *times], 0.0, length))
+        moments = zip(
+            np.diff(cuts).tolist(), _active(labels, cuts), _active(said, cuts), strict=True
+        )
+        for seconds, true, annotated in moments:
+            for pair, share in _pairs(true, annotated):
+                spent[pair] = spent.get(pair, 0.0) + share * seconds
     return spent
 
 
-def _moments(stretches: Sequence[Stretch], length: float) -> list[tuple[float, float]]:
-    """Cut the time of a document wherever something begins or ends."""
-    cuts: FloatArray = np.array([t for each in stretches for t in (each.start, each.end)])
-    cuts = np.unique(np.clip(np.concatenate((cuts, [0.0, length])), 0.0, length))
-    return list(zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True))
+def _by_document(stretches: Sequence[Stretch]) -> dict[str, list[Stretch]]:
+    grouped: dict[str, list[Stretch]] = {}
+    for each in stretches:
+        grouped.setdefault(each.document, []).append(each)
+    return grouped
 
 
-def _pairs(
-    found: Sequence[Stretch], truth: Sequence[Stretch], moment: float
-) -> list[tuple[tuple[str, str], float]]:
+def _active(stretches: Sequence[Stretch], cuts: FloatArray) -> list[set[str]]:
+    """Classes that go on between each two cuts."""
+    active: list[set[str]] = [set() for _ in cuts[1:]]
+    firsts = np.searchsorted(cuts, [each.start for each in stretches])
+    lasts = np.searchsorted(cuts, [each.end for each in stretches])
+    for each, first, last in zip(stretches, firsts.tolist(), lasts.tolist(), strict=True):
+        for labels in active[first:last]:
+            labels.add(each.label)
+    return active
+
+
+def _pairs(labels: set[str], said: set[str]) -> list[tuple[tuple[str, str], float]]:
     """Pairs of label and annotation at a moment, with their shares of it."""
-    labels = [each.label for each in truth if each.start <= moment < each.end] or [NOTHING]
-    said = sorted({each.label for each in found if each.start <= moment < each.end}) or [NOTHING]
     pairs = []
-    for label in labels:
-        chosen = [label] if label in said else said
-        pairs += [((label, one), 1.0 / (len(labels) * len(chosen))) for one in chosen]
+    for label in sorted(labels) or [NOTHING]:
+        chosen = [label] if label in said else sorted(said) or [NOTHING]
+        share = 1.0 / (max(len(labels), 1) * len(chosen))
+        pairs += [((label, one), share) for one in chosen]
     return pairs

@@ -261,15 +261,16 @@ def _draw_strip(
 ) -> set[str]:
     """Draw spans as bars, with their names where there is room; return the classes without."""
     nameless = set()
-    for span in spans:
+    for label in sorted({span.label for span in spans}):
         axes.broken_barh(
-            [(span.start, span.end - span.start)],
+            [(span.start, span.end - span.start) for span in spans if span.label == label],
             (bottom, 1.0),
-            facecolor=colours[span.label],
+            facecolor=colours[label],
             alpha=0.55 if faint else 1.0,
             edgecolor="white",
             linewidth=0.5,
         )
+    for span in spans:
         name = shown(span.label, NAME_LENGTH)
         room = (min(span.end, duration) - span.start) / duration * (width - 1.5)
         if room > INCHES_A_CHARACTER * 1.1 * len(name):
