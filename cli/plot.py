@@ -42,7 +42,7 @@ def plot() -> None:
     """
 
 
-@plot.command()
+@plot.command(short_help="Draw how near each class comes over time.")
 @click.argument("motion", type=click.Path(path_type=Path))
 @click.option("--templates", type=click.Path(path_type=Path), required=True, help="Template file.")
 @click.option(
@@ -103,7 +103,7 @@ def distance(
     )
 
 
-@plot.command()
+@plot.command(short_help="Draw annotations or hits as timelines.")
 @click.argument("records", type=click.Path(path_type=Path, allow_dash=True))
 @document_option
 @labels_option

@@ -41,7 +41,7 @@ def template() -> None:
     """
 
 
-@template.command("list")
+@template.command("list", short_help="List templates with costs and thresholds.")
 @templates_argument
 @row_options
 def list_templates(templates: Path, row_format: str, output: Path) -> None:
@@ -57,7 +57,7 @@ def list_templates(templates: Path, row_format: str, output: Path) -> None:
     print_rows(template_records(templates), row_format, output, LIST_COLUMNS)
 
 
-@template.command()
+@template.command(short_help="Show a class as text or picture, and how well it is separated.")
 @templates_argument
 @class_option
 @click.option(
@@ -113,7 +113,7 @@ def show(
         save_text(lines, output)
 
 
-@template.command()
+@template.command(short_help="Add the mirror image of a class.")
 @templates_argument
 @class_option
 @click.option("--as", "new_label", required=True, metavar="NAME", help="The mirrored class.")
@@ -130,7 +130,7 @@ def mirror(templates: Path, label: str, new_label: str, output: Path) -> None:
     mirror_class(templates, label, new_label, output)
 
 
-@template.command()
+@template.command(short_help="Add one class that covers several.")
 @templates_argument
 @click.option(
     "--class",
@@ -154,7 +154,7 @@ def combine(templates: Path, labels: tuple[str, ...], new_label: str, output: Pa
     combine_classes(templates, labels, new_label, output)
 
 
-@template.command()
+@template.command(short_help="Make features of a class undecided.")
 @templates_argument
 @class_option
 @click.option(
@@ -206,7 +206,7 @@ def mask(
     )
 
 
-@template.command()
+@template.command(short_help="Keep of a class what separates it from others.")
 @templates_argument
 @class_option
 @click.option(
@@ -233,7 +233,7 @@ def subtract(
     subtract_classes(templates, label, others, output, new_label)
 
 
-@template.command()
+@template.command(short_help="Choose the keyframes of a class by hand.")
 @templates_argument
 @class_option
 @click.argument("frames", nargs=-1, type=click.IntRange(min=0))
@@ -260,7 +260,7 @@ def keyframes(
     keyframe_class(templates, label, frames, tolerance, output)
 
 
-@template.command()
+@template.command(short_help="Change templates as a TOML file says.")
 @templates_argument
 @click.argument("design", type=click.Path(path_type=Path))
 @result_option
@@ -277,7 +277,7 @@ def edit(templates: Path, design: Path, output: Path) -> None:
     note(f"{output}: {len(labels)} classes changed or added", quiet=False)
 
 
-@template.command()
+@template.command(short_help="Make templates without any training.")
 @click.argument("design", type=click.Path(path_type=Path))
 @click.option("--output", type=FILE, required=True, help="The template file to be made.")
 def new(design: Path, output: Path) -> None:
