@@ -5,6 +5,7 @@ from typing import Any
 
 import click
 
+from .auto import print_auto
 from .options import quiet_option, read_options, reading_options, store_argument
 from .rows import note, print_rows, row_options
 
@@ -27,7 +28,19 @@ RANKINGS = ("length", "none")
     default="all",
     show_default=True,
     metavar="FEATURES",
-    help="Features that count: ids such as F17,F18 or the sets upper, lower, mix, all.",
+    help="Features that count: ids such as F17,F18 or the sets upper, lower, mix, all; or auto, "
+    "which weighs all of them and ranks everything.",
+)
+@click.option(
+    "--no-feedback",
+    is_flag=True,
+    help="With auto: don't sharpen the template with the surest hits.",
+)
+@click.option(
+    "--learn",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="TEMPLATES",
+    help="With auto: write a motion template of the example and the surest hits to this file.",
 )
 @click.option(
     "--mode",
@@ -53,6 +66,8 @@ def query(
     store: Path,
     example: str,
     select: str,
+    no_feedback: bool,
+    learn: Path | None,
     mode: str,
     rank: str,
     top: int | None,
@@ -69,7 +84,14 @@ def query(
     \b
     Example:
       mocapidx query takes.store --example kick.amc@1.2:3.0 --select F17,F20
+      mocapidx query takes.store --example kick.amc --select auto --top 20
     """
+    if select == "auto":
+        auto = {"feedback": not no_feedback, "learn": learn, "top": top}
+        print_auto(store, example, auto, reading, row_format, output, quiet)
+        return
+    if learn is not None or no_feedback:
+        raise click.UsageError("--learn and --no-feedback go with --select auto")
     from mocapidx.tasks.query import query_store
     from mocapidx.tasks.records import HIT_COLUMNS, hit_record
 
