@@ -1,12 +1,9 @@
 """The command `align`."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
-
-if TYPE_CHECKING:
-    from mocapidx.tasks.align import Aligned
 
 from .options import quiet_option, read_options, reading_options
 from .rows import note, print_rows, row_options, warn
@@ -114,21 +111,4 @@ def align(
         print_rows(task.path_records(aligned), row_format, output, task.PATH_COLUMNS)
     for remark in aligned.remarks:
         warn(remark)
-    note(sentence(aligned), quiet)
-
-
-def sentence(aligned: "Aligned") -> str:
-    """Say in one line how two motions were aligned."""
-    parts = []
-    if aligned.match is not None:
-        features = aligned.features
-        parts.append(f"{len(aligned.match.words)} segments matched by {', '.join(features)}")
-    if aligned.path is not None and aligned.region is not None:
-        steps = len(aligned.path.costs)
-        parts.append(
-            f"cost {aligned.path.cost:.4g} {aligned.unit} in {steps} steps, "
-            f"{aligned.path.cost / steps:.3g} a step"
-        )
-        pairs = aligned.frames[0] * aligned.frames[1]
-        parts.append(f"{aligned.region.share:.1%} of {pairs} pairs of frames looked at")
-    return "; ".join(parts) or "not aligned"
+    note(task.alignment_summary(aligned), quiet)

@@ -30,6 +30,7 @@ COMMANDS = {
     "verify": ("verify:verify", "Check every byte of a store; repair what can be rebuilt."),
     "compact": ("compact:compact", "Merge the segment files of a store."),
     "reindex": ("reindex:reindex", "Make a store of another feature set from a store's poses."),
+    "features": ("features:features", "Look at feature sets, try them, learn thresholds."),
     "align": ("align:align", "Say which frame of one motion goes with which of another."),
     "skeleton": ("skeleton:skeleton", "Show how a file's skeleton is understood, and why."),
 }

@@ -39,6 +39,7 @@ __all__ = [
     "AlignOptions",
     "Aligned",
     "align_motions",
+    "alignment_summary",
     "draw_alignment",
     "path_records",
     "segment_records",
@@ -240,7 +241,7 @@ def _from_file(example: Example, feature_set: FeatureSet, options: AlignOptions)
     words = pack_words(extract_features(motion, feature_set, options.rate))
     untrusted = untrusted_features(motion, feature_set)
     poses = _without(motion.positions.astype(np.float64), motion.made)
-    name = str(example.path)
+    name = example.path.name
     return _cut(name, example, words & ~np.uint64(untrusted), untrusted, poses, options.rate)
 
 
@@ -365,6 +366,21 @@ def segment_records(aligned: Aligned) -> Iterator[Record]:
         }
 
 
+def alignment_summary(aligned: Aligned) -> str:
+    """Say in one line how two motions were aligned."""
+    parts = []
+    if aligned.match is not None:
+        features = ", ".join(aligned.features)
+        parts.append(f"{len(aligned.match.words)} segments matched by {features}")
+    if aligned.path is not None and aligned.region is not None:
+        steps = len(aligned.path.costs)
+        cost = aligned.path.cost
+        parts.append(f"cost {cost:.4g} {aligned.unit} in {steps} steps, {cost / steps:.3g} a step")
+        pairs = aligned.frames[0] * aligned.frames[1]
+        parts.append(f"{aligned.region.share:.1%} of {pairs} pairs of frames looked at")
+    return "; ".join(parts) or "not aligned"
+
+
 def draw_alignment(aligned: Aligned, picture: Path) -> None:
     """Draw the matched segments, the region around them and the warping path.
 
@@ -387,6 +403,7 @@ def draw_alignment(aligned: Aligned, picture: Path) -> None:
         match=aligned.match,
         region=aligned.region,
         path=aligned.path,
+        subtitle=alignment_summary(aligned),
         suffix=suffix,
     )
     durable_replace(picture, data)

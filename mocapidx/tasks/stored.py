@@ -32,8 +32,7 @@ def kept_rest(rest: FloatArray) -> list[list[float] | None]:
     list
         Three numbers a joint, or None.
     """
-    known = np.isfinite(rest).all(axis=1)
-    return [row.tolist() if whole else None for row, whole in zip(rest, known, strict=True)]
+    return [row if np.isfinite(row).all() else None for row in rest.tolist()]
 
 
 def stored_poses(store: Snapshot, placed: Placed) -> NDArray[np.float32]:
