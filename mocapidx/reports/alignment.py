@@ -1,5 +1,6 @@
 """Alignments as pictures: matched segments, the region around them, and the path through it."""
 
+import textwrap
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -21,6 +22,7 @@ SEGMENT: Final = "#b4cfe2"
 LONGEST_SIDE: Final = 6.5
 SHORTEST_SIDE: Final = 2.4
 NAME_LENGTH: Final = 60
+INCHES_A_LETTER: Final = 0.06
 
 
 def alignment_picture(
@@ -92,7 +94,8 @@ def alignment_picture(
         axes.set_xlabel(f"{shown(names[1], NAME_LENGTH)}, seconds")
         axes.set_ylabel(f"{shown(names[0], NAME_LENGTH)}, seconds")
         if subtitle:
-            axes.set_title(shown(subtitle, None), loc="left", color=FAINT, fontsize=7.5)
+            lines = textwrap.wrap(shown(subtitle, None), int(width / INCHES_A_LETTER))
+            axes.set_title("\n".join(lines), loc="left", color=FAINT, fontsize=7.5)
         _legend(figure, match is not None, region is not None, path is not None)
         return render(figure, suffix)
 

@@ -177,7 +177,8 @@ def check_features(
     ------
     dict
         A record a feature: the share of frames in which it is on, changes a minute, the range
-        of its value (none for a combination, which has several), in how many documents it is not to be trusted, and what looks odd.
+        of its value (none for a combination, which has several), in how many documents it is
+        not to be trusted, and what looks odd.
 
     Raises
     ------
