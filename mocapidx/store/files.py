@@ -30,8 +30,13 @@ class DamagedError(StoreError):
             f"{store / schema.SEGMENTS / name}: damaged ({what}); "
             f"run 'mocapidx verify {store} --repair'"
         )
+        self.store = store
         self.name = name
         self.what = what
+
+    def __reduce__(self) -> tuple[type["DamagedError"], tuple[Path, str, str]]:
+        """Survive the way back from a worker process."""
+        return DamagedError, (self.store, self.name, self.what)
 
 
 def open_segment(store: Path, name: str, record: FileRecord) -> int:

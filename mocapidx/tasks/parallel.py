@@ -1,15 +1,21 @@
-"""Map a function over many items: here, or in processes that die with us."""
+"""Map a function over many items: here, or in processes that die with us.
 
+Each worker has a pipe of its own, and nobody else holds either end. One that dies, or is killed
+in the middle of a result, is noticed by the end of its pipe; no lock or queue is left behind.
+"""
+
+import contextlib
 import multiprocessing
 import os
 import signal
 import threading
-from collections import deque
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+import traceback
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
-from typing import Any, TypeAlias
+from multiprocessing import resource_tracker
+from multiprocessing.connection import Connection, wait
+from multiprocessing.context import SpawnProcess
+from typing import Any, Final, TypeAlias
 
 from mocapidx.errors import MocapidxError
 
@@ -18,7 +24,10 @@ __all__ = ["MapFunction", "mapping"]
 MapFunction: TypeAlias = Callable[[Callable[[Any], Any], Iterable[Any]], Iterator[Any]]
 """The shape of the built-in ``map``: results come in the order of the items."""
 
-QUEUED_PER_WORKER = 4  # enough to keep workers busy, few enough to bound the waiting results
+AHEAD: Final = 4
+"""Items a worker that are under way or done before their turn; bounds the waiting results."""
+
+STOP_SIGNALS: Final = frozenset({signal.SIGINT, signal.SIGTERM, signal.SIGHUP})
 
 
 @contextmanager
@@ -28,7 +37,7 @@ def mapping(jobs: int) -> Iterator[MapFunction]:
     Parameters
     ----------
     jobs : int
-        Processes, from 1.
+        Processes, from 1; no more are started than there are items.
 
     Yields
     ------
@@ -43,65 +52,146 @@ def mapping(jobs: int) -> Iterator[MapFunction]:
     if jobs == 1:
         yield map
         return
-    with _deaf():
-        executor = ProcessPoolExecutor(
-            jobs, mp_context=multiprocessing.get_context("spawn"), initializer=_follow_parent
-        )
+    under_way: list[Generator[Any, None, None]] = []
+
+    def apply(function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
+        under_way.append(_results(function, items, jobs))
+        return under_way[-1]
+
     try:
-        yield lambda function, items: _ordered(executor, function, items, jobs)
-        executor.shutdown()
-    except BrokenProcessPool as exc:
+        yield apply
+    finally:
+        with _deaf():
+            for results in under_way:
+                results.close()
+
+
+def _results(
+    function: Callable[[Any], Any], items: Iterable[Any], jobs: int
+) -> Generator[Any, None, None]:
+    """Yield the results in the order of the items."""
+    numbered = enumerate(items)
+    workers: list[_Worker] = []
+    idle: list[_Worker] = []
+    busy: dict[Connection, tuple[_Worker, int]] = {}
+    done: dict[int, tuple[bool, Any]] = {}
+    turn = 0
+    resource_tracker.ensure_running()  # it would take our signal mask away from the first worker
+    try:
+        while True:
+            while len(busy) < jobs and len(busy) + len(done) < jobs * AHEAD:
+                number, item = next(numbered, (-1, None))
+                if number < 0:
+                    break
+                if not idle:
+                    with _deaf():  # not one may be started and then forgotten
+                        workers.append(_Worker(function))
+                        idle.append(workers[-1])
+                worker = idle.pop()
+                worker.send(item)
+                busy[worker.pipe] = worker, number
+            for pipe in wait(list(busy), 0 if turn in done else None) if busy else ():
+                worker, number = busy.pop(pipe)  # type: ignore[call-overload]
+                done[number] = worker.receive()
+                idle.append(worker)
+            if turn in done:
+                good, result = done.pop(turn)
+                turn += 1
+                if not good:
+                    raise result
+                yield result
+            elif not busy:
+                return
+    finally:
+        with _deaf():
+            for worker in workers:
+                worker.end()
+
+
+class _Worker:
+    """A process that applies a function to one item after another."""
+
+    def __init__(self, function: Callable[[Any], Any]) -> None:
+        context = multiprocessing.get_context("spawn")
+        with _deaf():
+            self.pipe, theirs = context.Pipe()
+            self.process: SpawnProcess = context.Process(target=_work, args=(function, theirs))
+            try:
+                self.process.start()
+            except OSError as exc:
+                raise MocapidxError(
+                    f"a worker process could not be started ({(exc.strerror or '').lower()}); "
+                    "run again with fewer --jobs"
+                ) from exc
+            theirs.close()
+
+    def send(self, item: Any) -> None:
+        with _mourned():
+            self.pipe.send(item)
+
+    def receive(self) -> tuple[bool, Any]:
+        """Return whether it went well, and the result or else the exception."""
+        with _mourned():
+            good, result = self.pipe.recv()
+            return good, result
+
+    def end(self) -> None:
+        self.process.kill()
+        self.process.join()
+        self.pipe.close()
+
+
+@contextmanager
+def _mourned() -> Iterator[None]:
+    try:
+        yield
+    except (EOFError, OSError) as exc:
         raise MocapidxError(
             "a worker process died, perhaps for want of memory; run again with fewer --jobs"
         ) from exc
-    finally:
-        for child in multiprocessing.active_children():
-            child.kill()
-        executor.shutdown(wait=False, cancel_futures=True)
-
-
-def _ordered(
-    executor: ProcessPoolExecutor,
-    function: Callable[[Any], Any],
-    items: Iterable[Any],
-    jobs: int,
-) -> Iterator[Any]:
-    waiting: deque[Future[Any]] = deque()
-    for item in items:
-        waiting.append(_submit(executor, function, item))
-        if len(waiting) > jobs * QUEUED_PER_WORKER:
-            yield waiting.popleft().result()
-    while waiting:
-        yield waiting.popleft().result()
-
-
-def _submit(
-    executor: ProcessPoolExecutor, function: Callable[[Any], Any], item: Any
-) -> Future[Any]:
-    with _deaf():  # the first ones start the workers
-        return executor.submit(function, item)
 
 
 @contextmanager
 def _deaf() -> Iterator[None]:
-    """Block the signals that stop us; processes started here inherit that.
+    """Put off the signals that stop us; processes started here never hear them.
 
     Ctrl-C and a lost terminal reach every process of the group. We stop the others ourselves.
     """
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGHUP})
+    held: list[int] = []
+    handlers = {}
+    if threading.current_thread() is threading.main_thread():  # where handlers run
+        for number in STOP_SIGNALS:
+            if signal.getsignal(number) not in (None, signal.SIG_IGN):
+                handlers[number] = signal.signal(number, lambda number, _: held.append(number))
+    # The mask is for the children; here a signal would just take another of our threads.
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, STOP_SIGNALS)
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+        for held_number in held:
+            signal.raise_signal(held_number)
+
+
+def _work(function: Callable[[Any], Any], pipe: Connection) -> None:
+    """Answer items until nobody sends any; runs in a worker."""
+    threading.Thread(target=_follow_parent, daemon=True).start()
+    with contextlib.suppress(EOFError, OSError):
+        while True:
+            item = pipe.recv()
+            try:
+                answer = True, function(item)
+            except Exception as exc:
+                exc.add_note(traceback.format_exc())
+                answer = False, exc
+            pipe.send(answer)
 
 
 def _follow_parent() -> None:
     """End this worker when its parent is gone, however that came about."""
-
-    def watch() -> None:
-        parent = multiprocessing.parent_process()
-        if parent is not None:
-            parent.join()
-            os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
