@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from bench import indexing, queries, reading, startup
+from bench import alignment, indexing, queries, reading, startup, templates
 
 FIXTURES = Path("build/fixtures")
 
@@ -38,6 +38,8 @@ def main() -> None:
         "indexing": indexing.measure,
         "startup": startup.measure,
         "queries": queries.measure,
+        "templates": templates.measure,
+        "alignment": alignment.measure,
     }
     with tempfile.TemporaryDirectory(prefix="mocapidx-bench-") as work:
         for name in sys.argv[1:] or sections:
