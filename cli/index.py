@@ -165,5 +165,7 @@ def sentence(summary: "IndexSummary", store: Path, rate: float) -> str:
         files = count(summary.passed_over, "file")
         parts.append(f"{files} of other kinds passed over")
     minutes = summary.frames / rate / 60
-    read = f"{minutes:.1f} minutes of motion read in" if summary.frames else "nothing to read,"
-    return f"{shown(store)}: {', '.join(parts)}; {read} {summary.seconds:.1f} s"
+    read = "nothing to read"
+    if summary.frames:
+        read = f"{minutes:.1f} minutes of motion read in {summary.seconds:.1f} s"
+    return f"{shown(store)}: {', '.join(parts)}; {read}"
