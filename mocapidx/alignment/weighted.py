@@ -21,8 +21,8 @@ __all__ = ["LARGEST_WEIGHT", "LONGEST_PATTERN", "Vocabulary", "match_rows", "voc
 
 LONGEST_PATTERN: Final = 4096  # rows
 LARGEST_WEIGHT: Final = 1 << 18
-"""64 features of this weight add up to 2**24, which single precision still counts exactly; the
-unit of the steps is nothing beside it."""
+"""64 features of this weight, over the longest pattern and with room for a start, stay below
+2**53; the unit of the steps is nothing beside it."""
 
 BLOCK: Final = 16_384  # frames; the rows of costs stay in the second-level cache
 SPAN: Final = 1 << 16  # numbers of frames in a block with all that its matches can reach
@@ -35,13 +35,13 @@ class Vocabulary:
 
     Parameters
     ----------
-    bits : ndarray of float32, shape (F, U)
-        The features of the U different words.
+    octets : ndarray of int64, shape (B, U)
+        The U different words, eight features at a time, the lowest first.
     places : ndarray of int64, shape (L,)
         The word of each frame.
     """
 
-    bits: NDArray[np.float32]
+    octets: IndexArray
     places: IndexArray
 
 
@@ -59,9 +59,9 @@ def vocabulary(words: WordArray, features: int) -> Vocabulary:
     Vocabulary
     """
     different, places = np.unique(words, return_inverse=True)
-    shifts = np.arange(features, dtype=np.uint64)[:, np.newaxis]
-    bits = (different >> shifts & np.uint64(1)).astype(np.float32)
-    return Vocabulary(bits, places.astype(np.int64))
+    shifts = np.arange(0, features, 8, dtype=np.uint64)[:, np.newaxis]
+    octets = (different >> shifts & np.uint64(255)).astype(np.int64)
+    return Vocabulary(octets, places.astype(np.int64))
 
 
 def match_rows(
@@ -158,9 +158,20 @@ def _tables(
     ones: BoolArray, weights: FloatArray, known: Vocabulary
 ) -> Iterator[NDArray[np.float64]]:
     """Yield for each row what each of the different words costs, with room for a start."""
+    octets = len(known.octets)
     for begin in range(0, len(ones), ROWS_AT_ONCE):
         some = slice(begin, begin + ROWS_AT_ONCE)
         # A feature that is on costs its weight where it should be off, and saves it elsewhere.
-        signed = np.where(ones[some], -weights[some], weights[some]).astype(np.float32)
-        least = np.where(ones[some], weights[some], 0.0).sum(axis=1)
-        yield from (signed @ known.bits + least[:, np.newaxis]) * SPAN
+        signed = np.zeros((len(ones[some]), 8 * octets))
+        signed[:, : ones.shape[1]] = np.where(ones[some], -weights[some], weights[some])
+        tables = np.zeros((len(signed), octets, 1))
+        tables[:, 0, 0] = np.where(ones[some], weights[some], 0.0).sum(axis=1)
+        for bit in range(8):  # what each value of an octet adds, half of them after the other
+            more = tables + signed[:, bit::8, np.newaxis]
+            tables = np.concatenate((tables, more), axis=2)
+        tables *= SPAN
+        for row in tables:
+            costs = row[0].take(known.octets[0])
+            for table, values in zip(row[1:], known.octets[1:], strict=True):
+                costs += table.take(values)
+            yield costs
