@@ -1,21 +1,21 @@
-"""The program `mocapidx`: finds the command, shows errors as one line, gives the exit code.
+"""The program `mocapidx`: standard streams, signals, and how it all ends.
 
-Commands are imported when they run. Their one-line help stands in the table here, or
-``mocapidx --help`` would import every command, and NumPy with it, to print it.
+Click is imported only after the signals are heard, and each command only when it runs. Their
+one-line help stands in the table here, or ``mocapidx --help`` would import every command, and
+NumPy with it, to print it.
 """
 
-import importlib
+import contextlib
 import os
 import signal
 import sys
 from types import FrameType
 from typing import Any, NoReturn
 
-import click
+from mocapidx.errors import Interrupted, WriteError
+from mocapidx.printable import shown
 
-from mocapidx.errors import Interrupted, MocapidxError, WriteError
-
-__all__ = ["main"]
+__all__ = ["COMMANDS", "fail", "main", "say"]
 
 COMMANDS = {
     "index": ("index:index", "Read motion files and folders into a store."),
@@ -34,122 +34,90 @@ COMMANDS = {
     "align": ("align:align", "Say which frame of one motion goes with which of another."),
     "skeleton": ("skeleton:skeleton", "Show how a file's skeleton is understood, and why."),
 }
-STOP_SIGNALS = ("SIGTERM", "SIGHUP", "SIGINT")
+STOP_SIGNALS = (signal.SIGTERM, signal.SIGHUP, signal.SIGINT)
 
 
-class PipeClosedError(Exception):
-    """Whoever reads our standard output has seen enough."""
+def say(message: str) -> None:
+    """Print one line on stderr, with nothing in it that could steer a terminal.
 
-
-class CommandGroup(click.Group):
-    """A click group that imports a command only when it runs."""
-
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        """Name the commands, in the order of the table."""
-        return list(COMMANDS)
-
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import the module of one command."""
-        if cmd_name not in COMMANDS:
-            return None
-        module, _, name = COMMANDS[cmd_name][0].partition(":")
-        command: click.Command = getattr(importlib.import_module(f"mocapidx_cli.{module}"), name)
-        return command
-
-    def invoke(self, ctx: click.Context) -> Any:
-        """Run the command; a reader that went away gets an error of its own.
-
-        Click would end the program with 1 where it sees a `BrokenPipeError`.
-        """
-        try:
-            return super().invoke(ctx)
-        except BrokenPipeError as exc:
-            raise PipeClosedError from exc
-
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """List the commands from the table, importing none."""
-        with formatter.section("Commands"):
-            formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
-
-
-@click.group(
-    cls=CommandGroup,
-    context_settings={"help_option_names": ["-h", "--help"]},
-    epilog="Start with: mocapidx index MY_TAKES --store takes.store",
-)
-@click.version_option(package_name="mocapidx", prog_name="mocapidx")
-@click.option("--debug", is_flag=True, help="Show a traceback where something fails.")
-def mocapidx(debug: bool) -> None:
-    """Search an archive of motion capture by what happens in it."""
+    Where nobody can hear it, the exit code still tells.
+    """
+    with contextlib.suppress(OSError):
+        sys.stderr.write(f"{shown(message, None)}\n")
+        sys.stderr.flush()
 
 
 def fail(message: str, code: int) -> NoReturn:
     """Print one line on stderr and leave with the exit code."""
-    click.echo(f"Error: {' '.join(message.split())}", err=True)
+    say(f"Error: {message}")
     leave(code)
 
 
 def leave(code: int) -> NoReturn:
-    """Flush the standard streams, silently if nobody reads them any more, and exit."""
+    """Flush the standard output, silently if nobody reads it any more, and exit."""
     try:
         sys.stdout.flush()
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except OSError as exc:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        click.echo(f"Error: could not write to the standard output: {exc.strerror}", err=True)
-        code = WriteError.exit_code
+        if code == 0 and not isinstance(exc, BrokenPipeError):  # else one line was said already
+            say(f"Error: could not write to the standard output: {(exc.strerror or '').lower()}")
+            code = WriteError.exit_code
     sys.exit(code)
 
 
 def stop(signal_number: int, frame: FrameType | None) -> None:
     """Raise `Interrupted` at the first signal; the second one ends the process at once."""
-    for name in STOP_SIGNALS:
-        signal.signal(getattr(signal, name), lambda number, _: os._exit(128 + number))
+    for number in STOP_SIGNALS:
+        signal.signal(number, lambda number, _: os._exit(128 + number))
     raise Interrupted(signal_number)
+
+
+def stop_again(unraisable: Any) -> None:
+    """Raise `Interrupted` once more where Python has to swallow it, as in the end of an object."""
+    swallowed = unraisable.exc_value
+    if not isinstance(swallowed, Interrupted):
+        sys.__unraisablehook__(unraisable)
+        return
+
+    def again(number: int, frame: FrameType | None) -> None:
+        raise Interrupted(swallowed.signal_number)
+
+    signal.signal(signal.SIGALRM, again)
+    signal.setitimer(signal.ITIMER_REAL, 0.001)
 
 
 def listen_to_signals() -> None:
     """Turn Ctrl-C, SIGTERM and SIGHUP into `Interrupted`, unless they are ignored (nohup)."""
-    for name in STOP_SIGNALS:
-        number = getattr(signal, name)
+    sys.unraisablehook = stop_again
+    for number in STOP_SIGNALS:
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, stop)
 
 
-def main() -> None:
-    """Run the program; the entry point of the installed script."""
-    listen_to_signals()
+def open_streams() -> None:
+    """Let the standard streams take any character; give those that are closed a place.
+
+    Files that we open would get their numbers. Writing to a closed output stays an error.
+    """
+    for number, mode in enumerate((os.O_RDONLY, os.O_RDONLY, os.O_WRONLY)):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.set_inheritable(os.open(os.devnull, mode), True)
+    sys.stdout = sys.stdout or os.fdopen(1, "w", encoding="utf-8")
+    sys.stderr = sys.stderr or os.fdopen(2, "w", encoding="utf-8")
     for stream in (sys.stdout, sys.stderr):
         stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
-    debug = "--debug" in sys.argv[1:2]
+
+
+def main() -> NoReturn:
+    """Run the program; the entry point of the installed script."""
     try:
-        result: Any = mocapidx.main(prog_name="mocapidx", standalone_mode=False)
-        sys.stdout.flush()
-    except click.exceptions.NoArgsIsHelpError as exc:
-        click.echo(exc.format_message(), err=True)
-        leave(2)
-    except click.UsageError as exc:
-        command = exc.ctx.command_path if exc.ctx else "mocapidx"
-        fail(f"{exc.format_message()} (see '{command} --help')", 2)
-    except click.ClickException as exc:
-        fail(exc.format_message(), exc.exit_code)
-    except MocapidxError as exc:
-        if debug:
-            raise
-        fail(str(exc), exc.exit_code)
-    except (Interrupted, KeyboardInterrupt, click.Abort) as exc:
+        listen_to_signals()
+        open_streams()
+        from .group import run
+
+        leave(run(debug="--debug" in sys.argv[1:2]))
+    except (Interrupted, KeyboardInterrupt) as exc:
         number = exc.signal_number if isinstance(exc, Interrupted) else signal.SIGINT
         fail(str(exc) or "interrupted; nothing was written", 128 + number)
-    except PipeClosedError:
-        leave(0)
-    except OSError as exc:
-        if debug:
-            raise
-        where = f"{exc.filename}: " if exc.filename else ""
-        fail(f"{where}{exc.strerror or exc}", WriteError.exit_code)
-    except Exception as exc:
-        if debug:
-            raise
-        fail(f"{type(exc).__name__}: {exc}; 'mocapidx --debug ...' shows where it happened", 1)
-    leave(result if isinstance(result, int) else 0)

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from .main import say
+
 if TYPE_CHECKING:
     from mocapidx.tasks.records import Record
 
@@ -63,10 +65,10 @@ def count(number: int, noun: str) -> str:
 
 def warn(message: str) -> None:
     """Print one line of warning on stderr."""
-    click.echo(f"Warning: {message}", err=True)
+    say(f"Warning: {message}")
 
 
 def note(message: str, quiet: bool) -> None:
     """Print one line about what was done on stderr, unless asked for silence."""
     if not quiet:
-        click.echo(message, err=True)
+        say(message)

@@ -1,0 +1,109 @@
+"""The group of commands: finds one, runs it, and shows what goes wrong as one line."""
+
+import errno
+import importlib
+from typing import Any
+
+import click
+
+from mocapidx.errors import MocapidxError, WriteError
+
+from .main import COMMANDS, fail
+
+__all__ = ["mocapidx", "run"]
+
+OUTPUT_ERRORS = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EBADF, errno.EIO})
+
+
+class PipeClosedError(Exception):
+    """Whoever reads our standard output has seen enough."""
+
+
+class CommandGroup(click.Group):
+    """A click group that imports a command only when it runs."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Name the commands, in the order of the table."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import the module of one command."""
+        if cmd_name not in COMMANDS:
+            return None
+        module, _, name = COMMANDS[cmd_name][0].partition(":")
+        command: click.Command = getattr(importlib.import_module(f"mocapidx_cli.{module}"), name)
+        return command
+
+    def make_context(self, *args: Any, **options: Any) -> click.Context:
+        """Read the arguments; a reader of the help that went away gets an error of its own.
+
+        Click would end the program with 1 where it sees a `BrokenPipeError`.
+        """
+        try:
+            return super().make_context(*args, **options)
+        except BrokenPipeError as exc:
+            raise PipeClosedError from exc
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command, likewise."""
+        try:
+            return super().invoke(ctx)
+        except BrokenPipeError as exc:
+            raise PipeClosedError from exc
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands from the table, importing none."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
+
+
+@click.group(
+    cls=CommandGroup,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog="Start with: mocapidx index MY_TAKES --store takes.store",
+)
+@click.version_option(package_name="mocapidx", prog_name="mocapidx")
+@click.option("--debug", is_flag=True, help="Show a traceback where something fails.")
+def mocapidx(debug: bool) -> None:
+    """Search an archive of motion capture by what happens in it."""
+
+
+def run(debug: bool) -> int:
+    """Run the command that the arguments name; give its exit code."""
+    try:
+        result: Any = mocapidx.main(prog_name="mocapidx", standalone_mode=False)
+    except click.exceptions.NoArgsIsHelpError as exc:
+        click.echo(exc.format_message(), err=True)
+        return 2
+    except click.UsageError as exc:
+        command = exc.ctx.command_path if exc.ctx else "mocapidx"
+        fail(f"{one_line(exc)} (see '{command} --help')", 2)
+    except click.ClickException as exc:
+        fail(one_line(exc), exc.exit_code)
+    except MocapidxError as exc:
+        if debug:
+            raise
+        fail(str(exc), exc.exit_code)
+    except PipeClosedError:
+        return 0
+    except OSError as exc:
+        if debug:
+            raise
+        fail(f"{place(exc)}{(exc.strerror or str(exc)).lower()}", WriteError.exit_code)
+    except Exception as exc:
+        if debug:
+            raise
+        fail(f"{type(exc).__name__}: {exc}; 'mocapidx --debug ...' shows where it happened", 1)
+    return result if isinstance(result, int) else 0
+
+
+def one_line(error: click.ClickException) -> str:
+    """Put click's message on one line."""
+    return " ".join(error.format_message().split())
+
+
+def place(error: OSError) -> str:
+    """Say where the system refused something; only our own output has no name."""
+    if error.filename:
+        return f"{error.filename}: "
+    return "could not write to the standard output: " if error.errno in OUTPUT_ERRORS else ""
