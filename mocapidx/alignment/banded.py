@@ -3,6 +3,7 @@
 The rest of the matrix is never looked at: its distances are not even computed.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -18,6 +19,12 @@ __all__ = ["MOST_CELLS", "Refinement", "WarpingPath", "align_inside", "refine_ma
 
 MOST_CELLS: Final = 1 << 28
 """A byte each is held: two takes of nine minutes at 30 Hz without any region."""
+
+CELLS_AT_ONCE: Final = 1 << 11
+"""Distances that are asked for together: enough for each call to be worth it."""
+
+WIDER: Final = 4
+"""A margin that was too narrow is so many times as wide in the next round."""
 
 DIAGONAL, ROW, COLUMN = np.arange(3, dtype=np.int8)  # the steps, as they win ties
 
@@ -66,7 +73,7 @@ def refine_match(match: SegmentMatch, distance: FrameDistance, margin: int) -> R
     """Refine a coarse alignment: dynamic time warping inside its widened segments only.
 
     Where the path runs along the border of the region, the best one may lie outside; the
-    segments there get twice the margin, until it does so nowhere.
+    segments there get a wider margin, until it does so nowhere.
 
     Parameters
     ----------
@@ -99,7 +106,7 @@ def refine_match(match: SegmentMatch, distance: FrameDistance, margin: int) -> R
         narrow = _narrow_segments(match, region, path)
         if not narrow.any():
             return Refinement(path, region, rounds)
-        margins = np.where(narrow, np.maximum(2 * margins, 1), margins)
+        margins = np.where(narrow, np.maximum(WIDER * margins, 1), margins)
 
 
 def _narrow_segments(match: SegmentMatch, region: Region, path: WarpingPath) -> BoolArray:
@@ -122,7 +129,7 @@ def align_inside(region: Region, distance: FrameDistance) -> WarpingPath:
     """Find the cheapest path from the first cell to the last one inside a region.
 
     Steps are (1, 1), (1, 0) and (0, 1); ties are won in this order, going back from the end.
-    Distances are asked for one diagonal after the other.
+    Distances are asked for some diagonals at a time.
 
     Parameters
     ----------
@@ -154,17 +161,34 @@ def align_inside(region: Region, distance: FrameDistance) -> WarpingPath:
     before, last, current = np.full((3, len(rows) + 2), np.inf)
     before[0] = 0.0  # the cell before the first, reached by the diagonal step
     steps: list[NDArray[np.int8]] = []
-    for s, (top, bottom) in enumerate(zip(tops.tolist(), bottoms.tolist(), strict=True)):
-        k = rows[top:bottom]
+    costs = _distances_by_diagonal(distance, tops, bottoms)
+    for top, bottom, cost in zip(tops.tolist(), bottoms.tolist(), costs, strict=True):
         diagonal, row, column = before[top:bottom], last[top:bottom], last[top + 1 : bottom + 1]
         best = np.minimum(diagonal, row)
         step = (row < diagonal).view(np.int8)
         steps.append(np.maximum(step, (column < best).view(np.int8) * COLUMN))
-        np.add(np.minimum(best, column), distance(k, s - k), out=current[top + 1 : bottom + 1])
+        np.add(np.minimum(best, column), cost, out=current[top + 1 : bottom + 1])
         current[top] = current[bottom + 1] = np.inf
         before, last, current = last, current, before
     path_rows, path_columns = _walk_back(steps, tops, len(rows), region.columns)
     return WarpingPath(path_rows, path_columns, distance(path_rows, path_columns))
+
+
+def _distances_by_diagonal(
+    distance: FrameDistance, tops: IndexArray, bottoms: IndexArray
+) -> Iterator[FloatArray]:
+    """Yield the distances along one diagonal after the other."""
+    ends = np.cumsum(bottoms - tops)
+    first = 0
+    while first < len(ends):
+        done = ends[first - 1] if first else 0
+        last = max(int(np.searchsorted(ends, done + CELLS_AT_ONCE, side="right")), first + 1)
+        lengths = bottoms[first:last] - tops[first:last]
+        borders = ends[first:last] - done
+        k = np.arange(borders[-1]) + np.repeat(tops[first:last] - borders + lengths, lengths)
+        column = np.repeat(np.arange(first, last), lengths) - k
+        yield from np.split(distance(k, column), borders[:-1])
+        first = last
 
 
 def _walk_back(

@@ -7,6 +7,7 @@ segments, widened by a margin, are the region of the cost matrix that a finer al
 """
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -15,6 +16,8 @@ from mocapidx.model import IndexArray, WordArray
 from mocapidx.segments.runs import find_runs
 
 __all__ = ["Region", "SegmentMatch", "full_region", "match_segments", "widened_region"]
+
+Runs: TypeAlias = tuple[WordArray, IndexArray]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,9 +101,10 @@ def match_segments(one: WordArray, other: WordArray, mask: int) -> SegmentMatch 
     >>> match.bounds.tolist(), match.other_bounds.tolist()
     ([0, 2, 3, 4, 5], [0, 1, 3, 5, 6])
     """
+    runs, other_runs = find_runs(one & np.uint64(mask)), find_runs(other & np.uint64(mask))
     kept = 0
-    for bit in _candidates(one, other, mask):
-        if _agree(one, other, kept | bit):
+    for bit in _candidates(runs, other_runs, mask):
+        if _agree(runs[0], other_runs[0], kept | bit):
             kept |= bit
     if not kept:
         return None
@@ -109,22 +113,26 @@ def match_segments(one: WordArray, other: WordArray, mask: int) -> SegmentMatch 
     return SegmentMatch(kept, words, bounds, other_bounds)
 
 
-def _candidates(one: WordArray, other: WordArray, mask: int) -> list[int]:
+def _candidates(runs: Runs, other_runs: Runs, mask: int) -> list[int]:
     """Return the bits that change equally often, those of the most similar times first."""
+    (values, bounds), (other_values, other_bounds) = runs, other_runs
+    changes, other_changes = (v[1:] ^ v[:-1] for v in (values, other_values))
+    times, other_times = (b[1:-1] / b[-1] for b in (bounds, other_bounds))
+    alike = int(~(values[0] ^ other_values[0])) & mask
     found = []
-    for bit in (1 << i for i in range(64) if mask >> i & 1):
-        words, bounds = find_runs(one & np.uint64(bit))
-        other_words, other_bounds = find_runs(other & np.uint64(bit))
-        if len(words) > 1 and np.array_equal(words, other_words):
-            shift = np.abs(bounds / len(one) - other_bounds / len(other)).max()
-            found.append((float(shift), bit))
+    for bit in (1 << i for i in range(64) if alike >> i & 1):
+        at = times[changes & np.uint64(bit) != 0]
+        other_at = other_times[other_changes & np.uint64(bit) != 0]
+        if len(at) == len(other_at) > 0:
+            found.append((float(np.abs(at - other_at).max()), bit))
     return [bit for _, bit in sorted(found)]
 
 
-def _agree(one: WordArray, other: WordArray, mask: int) -> bool:
-    words, _ = find_runs(one & np.uint64(mask))
-    other_words, _ = find_runs(other & np.uint64(mask))
-    return np.array_equal(words, other_words)
+def _agree(words: WordArray, other_words: WordArray, mask: int) -> bool:
+    """Tell whether two sequences of words are the same in some bits, repetitions left out."""
+    both = [each & np.uint64(mask) for each in (words, other_words)]
+    first, second = (each[1:][each[1:] != each[:-1]] for each in both)
+    return bool(both[0][0] == both[1][0]) and np.array_equal(first, second)
 
 
 def widened_region(match: SegmentMatch, margins: IndexArray) -> Region:
