@@ -63,6 +63,11 @@ SKIPPED = 5  # exit code: done, but some inputs were skipped
     type=click.Path(exists=True, file_okay=False, path_type=Path),
     help="Name documents by their path below this folder.",
 )
+@click.option(
+    "--name-pattern",
+    metavar="REGEX",
+    help="Take facts for --where from names, by named groups; give it at every run.",
+)
 @reading_options
 @jobs_option
 @lock_options
@@ -77,6 +82,7 @@ def index(
     prune: bool,
     skip_bad: bool,
     root: Path | None,
+    name_pattern: str | None,
     jobs: int,
     lock_timeout: float,
     use_lock: bool,
@@ -108,6 +114,7 @@ def index(
         skip_bad=skip_bad,
         read=read_options(reading),
         root=root,
+        name_pattern=name_pattern,
         jobs=jobs,
         lock_timeout=lock_timeout,
         use_lock=use_lock,

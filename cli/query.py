@@ -11,25 +11,43 @@ from .rows import note, print_rows, row_options
 
 __all__ = ["query"]
 
-MODES = ("exact", "fuzzy", "adaptive")
-RANKINGS = ("length", "none")
+MODES = ("exact", "fuzzy", "adaptive", "mismatch")
+RANKINGS = ("length", "dtw", "template", "none")
+ASKED = ("pattern", "steps_of", "scene", "mode", "mismatches", "mirror", "where")
+UNSET = {None, "adaptive", 0}  # what they are where not given; 0 is also False
 
 
 @click.command()
 @store_argument
 @click.option(
     "--example",
-    required=True,
+    "examples",
+    multiple=True,
     metavar="FILE[@START:END]",
-    help="A motion file, or the part of it between two times in seconds.",
+    help="A motion file, or a document of STORE, or the part between two times in seconds.",
+)
+@click.option(
+    "--pattern",
+    type=click.Path(path_type=Path),
+    metavar="FILE.toml",
+    help="Steps written by hand, in place of an example.",
+)
+@click.option(
+    "--steps-of",
+    nargs=2,
+    metavar="FEATURES STEPS",
+    help="The short form of a pattern, such as F20 '0 1 0 1 0'.",
+)
+@click.option(
+    "--scene",
+    metavar="FILE.toml|NAME",
+    help="Several progressions and conditions between them; shipped is kick-then-punch.",
 )
 @click.option(
     "--select",
-    default="all",
-    show_default=True,
     metavar="FEATURES",
-    help="Features that count: ids such as F17,F18 or the sets upper, lower, mix, all; or auto, "
-    "which weighs all of them and ranks everything.",
+    help="Features of an example that count: ids such as F17,F18, names, or the sets upper, "
+    "lower, mix, all; or auto, which weighs all of them and ranks everything.  [default: all]",
 )
 @click.option(
     "--no-feedback",
@@ -47,15 +65,43 @@ RANKINGS = ("length", "none")
     type=click.Choice(MODES),
     default="adaptive",
     show_default=True,
-    help="How steps are matched: segmentation of the selection, of its sub-indexes, or adapted.",
+    help="How steps are matched: segmentation of the selection, of its sub-indexes, adapted, or "
+    "but for some steps.",
+)
+@click.option(
+    "--mismatches",
+    type=click.IntRange(min=0),
+    default=0,
+    metavar="M",
+    help="With the mode mismatch: how many steps may disagree.  [default: 0]",
+)
+@click.option(
+    "--mismatch-at",
+    metavar="STEPS",
+    help="With the mode mismatch: only these steps may, such as 2,4.  [default: any]",
 )
 @click.option(
     "--rank",
     type=click.Choice(RANKINGS),
-    default="length",
-    show_default=True,
-    help="Order hits by how alike the lengths of their steps are, or by document.",
+    help="Order hits by the lengths of their steps, by time warping (of poses where STORE has "
+    "them), by the example as a template, or by document.  [default: length, or none without "
+    "an example]",
 )
+@click.option(
+    "--any/--all",
+    "any_of",
+    default=True,
+    help="With several examples: hits of any of them, or where all of them agree.",
+)
+@click.option(
+    "--mirror", is_flag=True, help="Also look for the same with left and right exchanged."
+)
+@click.option(
+    "--where",
+    metavar="CONDITION",
+    help="Only documents such as 'actor = ann and not class = walk*'; info --where lists them.",
+)
+@click.option("--explain", is_flag=True, help="Say why there are hits, or why there is none.")
 @click.option(
     "--top", type=click.IntRange(min=1), metavar="N", help="Only the best N.  [default: all]"
 )
@@ -64,19 +110,21 @@ RANKINGS = ("length", "none")
 @quiet_option
 def query(
     store: Path,
-    example: str,
-    select: str,
+    examples: tuple[str, ...],
+    select: str | None,
     no_feedback: bool,
     learn: Path | None,
-    mode: str,
-    rank: str,
+    rank: str | None,
     top: int | None,
+    mismatch_at: str | None,
+    any_of: bool,
+    explain: bool,
     row_format: str,
     output: Path,
     quiet: bool,
-    **reading: Any,
+    **others: Any,
 ) -> None:
-    """Find every place in STORE that moves like an example.
+    """Find every place in STORE that moves like an example, or as a pattern or scene says.
 
     A hit goes through the same sequence of feature words as the example, whatever the speed.
     Times are in seconds of the document; source frames are those of the original file.
@@ -85,26 +133,50 @@ def query(
     Example:
       mocapidx query takes.store --example kick.amc@1.2:3.0 --select F17,F20
       mocapidx query takes.store --example kick.amc --select auto --top 20
+      mocapidx query takes.store --steps-of "right knee bent" "0 1 0 1 0" --mirror
+      mocapidx query takes.store --scene kick-then-punch --where "actor = ann"
     """
+    asked = {name: others.pop(name) for name in ASKED}
     if select == "auto":
+        if len(examples) != 1 or rank or mismatch_at or not any_of or set(asked.values()) != UNSET:
+            raise click.UsageError(
+                "--select auto takes one --example, and of the other options only --no-feedback, "
+                "--learn, --top and --explain"
+            )
         auto = {"feedback": not no_feedback, "learn": learn, "top": top}
-        print_auto(store, example, auto, reading, row_format, output, quiet)
+        print_auto(store, examples[0], auto, others, row_format, output, quiet, explain=explain)
         return
     if learn is not None or no_feedback:
         raise click.UsageError("--learn and --no-feedback go with --select auto")
     from mocapidx.tasks.query import query_store
-    from mocapidx.tasks.records import HIT_COLUMNS, hit_record
+    from mocapidx.tasks.records import HIT_COLUMNS
 
     found = query_store(
         store,
-        example,
+        examples or None,
         select=select,
-        mode=mode,
         rank=rank,
         top=top,
-        read=read_options(reading),
+        mismatch_at=None if mismatch_at is None else steps_of_text(mismatch_at),
+        combine="any" if any_of else "all",
+        explain=explain,
+        read=read_options(others),
+        **asked,
     )
     for remark in found.remarks:
         note(f"Note: {remark}", quiet)
-    records = [hit_record(hit, rank) for rank, hit in enumerate(found.hits, start=1)]
-    print_rows(records, row_format, output, HIT_COLUMNS)
+    columns = (*HIT_COLUMNS, "mirrored") if asked["mirror"] else HIT_COLUMNS
+    print_rows(found.records(), row_format, output, columns)
+    if row_format == "table" or not found.hits:
+        for line in found.explanation:
+            click.echo(line, err=True)
+
+
+def steps_of_text(text: str) -> list[int]:
+    """Read step numbers such as ``2,4``."""
+    try:
+        return [int(number) for number in text.split(",")]
+    except ValueError:
+        raise click.UsageError(
+            f"--mismatch-at takes numbers of steps such as 2,4, not '{text}'"
+        ) from None

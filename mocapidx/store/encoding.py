@@ -45,6 +45,7 @@ COLUMN_TYPES: Final[dict[str, frozenset[type]]] = {
     "source_rate": frozenset({float}),
     "rig": frozenset({int}),
     "live": frozenset({bool}),
+    "facts": frozenset({dict}),
 }
 
 
@@ -178,6 +179,7 @@ def _documents_json(
             rig = texts[id(document.rig)] = json.dumps(dict(document.rig), sort_keys=True)
         for name, column in columns.items():
             column.append(getattr(document, name))
+        columns["facts"][-1] = dict(sorted(document.facts.items()))
         columns["root"][-1] = roots.setdefault(document.root, len(roots))
         columns["rig"][-1] = rigs.setdefault(rig, len(rigs))
     return columns
@@ -300,7 +302,11 @@ def _dataset(tree: dict[str, Any], column: schema.Column, file_size: int) -> Dat
 
 
 def _documents(tree: dict[str, Any], roots: list[str], rigs: list[Rig]) -> tuple[Document, ...]:
+    if "facts" not in tree:  # as in the first stores
+        tree = {**tree, "facts": [{}] * len(_get(tree, "name", list))}
     columns = {name: _all(_get(tree, name, list), *types) for name, types in COLUMN_TYPES.items()}
+    for facts in columns["facts"]:
+        _all((*facts, *facts.values()), str)
     count = len(columns["name"])
     if not count or any(len(values) != count for values in columns.values()):
         raise Wrong("the columns of its documents differ in length or are empty")

@@ -85,6 +85,8 @@ class Document:
         store keeps once.
     live : bool
         False where the document was removed or replaced and only its numbers remain.
+    facts : mapping of str to str
+        What its name tells: actor, class and the like, as whoever indexed it has said.
     """
 
     name: str
@@ -98,6 +100,7 @@ class Document:
     source_rate: float
     rig: Rig
     live: bool = True
+    facts: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def source(self) -> Path:

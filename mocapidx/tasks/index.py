@@ -22,6 +22,7 @@ from mocapidx.tasks.prepare import Job, Outcome, Prepared, Refused, Unchanged, i
 from mocapidx.tasks.read import ReadOptions
 from mocapidx.tasks.segment_sources import store_feature_set
 from mocapidx.tasks.sources import Source, find_sources
+from mocapidx.tasks.where import name_facts, name_regex
 
 __all__ = ["IndexOptions", "IndexProgress", "IndexSummary", "compact_store", "index_files"]
 
@@ -55,6 +56,8 @@ class IndexOptions:
         How motion files are understood.
     root : Path, optional
         Names are relative to this folder.
+    name_pattern : str, optional
+        Takes facts from names: a regular expression with named groups.
     jobs : int
         Worker processes.
     lock_timeout : float
@@ -72,6 +75,7 @@ class IndexOptions:
     skip_bad: bool = False
     read: ReadOptions = field(default_factory=ReadOptions)
     root: Path | None = None
+    name_pattern: str | None = None
     jobs: int = 1
     lock_timeout: float = 0.0
     use_lock: bool = True
@@ -159,6 +163,8 @@ def index_files(
     options, store = options or IndexOptions(), Path(store)
     started = time.perf_counter()
     feature_set = load_feature_set(options.feature_set)
+    if options.name_pattern is not None:
+        name_regex(options.name_pattern)
     check_writable(store)
     sources, passed_over = find_sources([Path(given) for given in inputs], options.root)
     summary = IndexSummary(passed_over=passed_over)
@@ -235,10 +241,13 @@ def _jobs(
     poses: bool,
 ) -> list[Job]:
     jobs = []
+    regex = None if options.name_pattern is None else name_regex(options.name_pattern)
     for source in sources:
-        document = known.get(source.name)
-        if document is None or not is_unchanged(source, document, options.read):
-            jobs.append(Job(source, document, options.read, feature_set, options.rate, poses))
+        document, facts = known.get(source.name), name_facts(regex, source.name)
+        if document is None or not is_unchanged(source, document, options.read, facts):
+            jobs.append(
+                Job(source, document, options.read, feature_set, options.rate, poses, facts)
+            )
     return jobs
 
 

@@ -2,7 +2,8 @@
 
 import hashlib
 import os
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
@@ -39,6 +40,7 @@ class Job:
     feature_set: FeatureSet
     rate: float
     poses: bool
+    facts: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +85,9 @@ class Refused:
 Outcome: TypeAlias = Prepared | Unchanged | Refused
 
 
-def is_unchanged(source: Source, known: Document, options: ReadOptions) -> bool:
+def is_unchanged(
+    source: Source, known: Document, options: ReadOptions, facts: Mapping[str, str]
+) -> bool:
     """Tell by size and time of change whether a source, and its skeleton, are as they were.
 
     Parameters
@@ -93,12 +97,18 @@ def is_unchanged(source: Source, known: Document, options: ReadOptions) -> bool:
         Of the same name.
     options : ReadOptions
         How it would be read now.
+    facts : mapping of str to str
+        What its name would tell now.
 
     Returns
     -------
     bool
     """
-    if known.root != source.root or known.rig.get("options") != _told(options):
+    if (
+        known.facts != facts
+        or known.root != source.root
+        or known.rig.get("options") != _told(options)
+    ):
         return False
     if _stamp(source.path) != [known.size, known.mtime_ns]:
         return False
@@ -144,6 +154,7 @@ def prepare(job: Job) -> Outcome:
         source_frames=reading.source_frames,
         source_rate=reading.motion.rate,
         rig=_rig(reading, sources[1:], stamps[1:], job.options, untrusted),
+        facts=job.facts,
     )
     return Prepared(
         document,
@@ -160,6 +171,7 @@ def _is_same(job: Job, digest: str) -> bool:
         known is not None
         and known.digest == digest
         and known.root == job.source.root
+        and known.facts == job.facts
         and known.rig.get("options") == _told(job.options)
     )
 

@@ -1,118 +1,131 @@
-"""Answer a query by example from a store."""
+"""Answer a query from a store: by examples, by a pattern, by a scene."""
 
-import re
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-import numpy as np
-
 from mocapidx.errors import ParameterError
-from mocapidx.features.extract import extract_features, untrusted_features
-from mocapidx.features.featureset import FeatureSet
-from mocapidx.features.words import pack_words
-from mocapidx.model import FloatArray, Hit, WordArray
-from mocapidx.printable import shown
-from mocapidx.queries.evaluate import MODES as EVALUATORS
-from mocapidx.queries.evaluate import GroupHits, evaluate
-from mocapidx.queries.rank import length_costs, ranking_order
-from mocapidx.queries.steps import FuzzyQuery, steps_from_example
-from mocapidx.store.manifest import SegmentFile
-from mocapidx.store.read import open_store
-from mocapidx.tasks.hits import make_hit
-from mocapidx.tasks.read import ReadOptions, read_take
-from mocapidx.tasks.segment_sources import document_groups, segment_source, store_feature_set
+from mocapidx.queries.evaluate import MODES
+from mocapidx.queries.pattern import Pattern, mirror_pattern
+from mocapidx.tasks.answers import (
+    Answer,
+    Archive,
+    Chosen,
+    Found,
+    ask,
+    best,
+    open_archive,
+    untrusted_remarks,
+)
+from mocapidx.tasks.query_example import (
+    Example,
+    LoadedExample,
+    agreeing,
+    ask_example,
+    example_remarks,
+    load_example,
+    mirror_example,
+    parse_example,
+)
+from mocapidx.tasks.query_explain import agreements, explain_hit, explain_nothing, step_records
+from mocapidx.tasks.query_pattern import (
+    ask_scene,
+    explain_scene,
+    load_pattern,
+    load_scene,
+    mirror_scene,
+    scene_mask,
+    short_pattern,
+)
+from mocapidx.tasks.query_rank import RANKINGS, costs_by
+from mocapidx.tasks.read import ReadOptions
 
 __all__ = ["MODES", "RANKINGS", "Example", "Found", "parse_example", "query_store"]
 
-MODES: Final = tuple(EVALUATORS)
-RANKINGS: Final = ("length", "none")
-
-PART_OF_FILE: Final = re.compile(r"(?P<file>.*)@(?P<start>[0-9.]*):(?P<end>[0-9.]*)", re.DOTALL)
+COMBINATIONS: Final = ("any", "all")
 
 
 @dataclass(frozen=True, slots=True)
-class Example:
-    """A motion file, or a part of it.
+class Asking:
+    """How a query is asked, whatever it is about; see `query_store`."""
 
-    Parameters
-    ----------
-    path : Path
-    start, end : float or None
-        In seconds; None: from the beginning, to the end.
-    """
-
-    path: Path
-    start: float | None = None
-    end: float | None = None
-
-    @property
-    def label(self) -> str:
-        """The name that its hits get."""
-        return self.path.stem
+    select: str
+    mode: str
+    mismatches: int
+    mismatch_at: Sequence[int] | None
+    rank: str
+    top: int | None
+    combine: str
+    mirror: bool
+    explain: bool
+    read: ReadOptions
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
-    """The answer to a query.
+class Asked:
+    """One question and its answers: an example or a pattern, as it is or mirrored."""
 
-    Parameters
-    ----------
-    hits : tuple of Hit
-        Best first.
-    remarks : tuple of str
-        What a person should know about the answer, a sentence each.
-    """
-
-    hits: tuple[Hit, ...]
-    remarks: tuple[str, ...]
-
-
-def parse_example(text: str) -> Example:
-    """Understand ``FILE`` or ``FILE@START:END``, times in seconds, either may be left out.
-
-    Raises
-    ------
-    ParameterError
-        If a time is no number, or the end is not after the start.
-    """
-    match = PART_OF_FILE.fullmatch(text)
-    if match is None or Path(text).exists():
-        return Example(Path(text))
-    try:
-        start, end = (float(match[key]) if match[key] else None for key in ("start", "end"))
-    except ValueError:
-        raise ParameterError(f"{shown(text)}: START and END are seconds, such as @1.5:3") from None
-    if end is not None and end <= (start or 0.0):
-        raise ParameterError(f"{shown(text)}: END must be later than START")
-    return Example(Path(match["file"]), start, end)
+    pattern: Pattern | None
+    answers: Sequence[Answer]
+    label: str
+    example: LoadedExample | None = None
 
 
 def query_store(
     store: str | Path,
-    example: str | Path | Example,
+    example: str | Path | Example | Sequence[str | Path | Example] | None = None,
     *,
-    select: str = "all",
+    pattern: str | Path | None = None,
+    steps_of: tuple[str, str] | None = None,
+    scene: str | Path | None = None,
+    select: str | None = None,
     mode: str = "adaptive",
-    rank: str = "length",
+    mismatches: int = 0,
+    mismatch_at: Sequence[int] | None = None,
+    rank: str | None = None,
     top: int | None = None,
+    combine: str = "any",
+    mirror: bool = False,
+    where: str | None = None,
+    explain: bool = False,
     read: ReadOptions | None = None,
 ) -> Found:
-    """Find every stretch of a store that goes through the same feature words as an example.
+    """Find every stretch of a store that answers a query.
+
+    One of `example`, `pattern`, `steps_of` and `scene` says what is looked for.
 
     Parameters
     ----------
     store : str or Path
-    example : str, Path or Example
-        As text: ``FILE`` or ``FILE@START:END``.
-    select : str
-        The features that count, as in `FeatureSet.select`.
-    mode : {"exact", "fuzzy", "adaptive"}
-    rank : {"length", "none"}
-        Costs from the lengths of the steps, or all 0.
+    example : str, Path, Example, or a sequence of these
+        As text: ``FILE`` or ``FILE@START:END``, or in place of FILE a document of the store.
+    pattern : str or Path
+        A TOML file with a sequence of steps.
+    steps_of : (str, str)
+        Features and the short form of a sequence of steps: ``("F20", "0 1 0 1 0")``.
+    scene : str or Path
+        A TOML file with several progressions, or the name of a shipped scene.
+    select : str, optional
+        The features of an example that count, as in `FeatureSet.select`; default all.
+    mode : {"exact", "fuzzy", "adaptive", "mismatch"}
+    mismatches : int
+        Steps that may disagree, for the mode ``mismatch``.
+    mismatch_at : sequence of int, optional
+        Which steps may disagree, from 1; default all.
+    rank : {"length", "dtw", "template", "none"}, optional
+        What costs compare; by default lengths for examples, and nothing for what has no
+        example: costs are then 0.
     top : int, optional
         Keep the best only.
+    combine : {"any", "all"}
+        With several examples: hits of any of them, or those on which all agree.
+    mirror : bool
+        Ask the query with left and right exchanged too; each hit has the extra ``mirrored``.
+    where : str, optional
+        A condition on documents, as in `mocapidx.tasks.where`.
+    explain : bool
+        Say why there are hits, or why there is none.
     read : ReadOptions, optional
         How the example's file is understood.
 
@@ -124,91 +137,196 @@ def query_store(
     Raises
     ------
     FormatError
-        If the example can't be used.
+        If an example, a pattern or a scene can't be used.
     ParameterError, StoreError
     """
-    if not isinstance(example, Example):
-        example = parse_example(str(example))
-    remarks: list[str] = []
-    with open_store(Path(store)) as snapshot:
-        feature_set = store_feature_set(snapshot)
-        rate = snapshot.manifest.settings.rate
-        mask = feature_set.select(select)
-        words, untrusted = _example_words(example, feature_set, rate, read or ReadOptions())
-        if mask & untrusted:
-            remarks.append(
-                f"the example's skeleton can't tell {_names(feature_set, mask & untrusted)}; "
-                "the query leaves it open"
-            )
-        query = steps_from_example(words, mask & ~untrusted)
-        hits: list[Hit] = []
-        costs: list[FloatArray] = []
-        left_open: dict[int, int] = {}
-        for file in snapshot.files:
-            source = segment_source(snapshot, file, feature_set)
-            for answer in evaluate(query, mode, source, document_groups(file)):
-                if unknown := answer.group.untrusted & query.mask:
-                    left_open[unknown] = left_open.get(unknown, 0) + len(answer.group.documents)
-                costs.append(_costs(answer, rank))
-                hits.extend(_hits(answer, file, rate, example.label, costs[-1]))
-    remarks += _untrusted_remarks(left_open, query, feature_set)
-    return Found(tuple(_ranked(hits, top)), tuple(remarks))
-
-
-def _example_words(
-    example: Example, feature_set: FeatureSet, rate: float, options: ReadOptions
-) -> tuple[WordArray, int]:
-    """Feature words of the example at the store's rate, and the features it can't be trusted in."""
-    motion = read_take(example.path, options).motion
-    words = pack_words(extract_features(motion, feature_set, rate))
-    # Cut after extraction: velocities and hysteresis then know what came before.
-    start = round((example.start or 0.0) * rate)
-    end = len(words) if example.end is None else min(len(words), round(example.end * rate))
-    if start >= end:
+    given = {"example": example, "pattern": pattern, "steps-of": steps_of, "scene": scene}
+    kinds = [kind for kind, value in given.items() if value is not None and value != ()]
+    if len(kinds) != 1:
         raise ParameterError(
-            f"{shown(str(example.path))}: lasts {len(words) / rate:.2f} s, "
-            f"the example starts at {start / rate:.2f} s"
+            "a query is one of --example, --pattern, --steps-of and --scene"
+            + (f"; given are {' and '.join(f'--{kind}' for kind in kinds)}" if kinds else "")
         )
-    return words[start:end], untrusted_features(motion, feature_set)
-
-
-def _costs(answer: GroupHits, rank: str) -> FloatArray:
-    if rank == "none" or answer.pattern is None:
-        return np.zeros(len(answer.documents))
-    return length_costs(answer.bounds, answer.pattern.lengths)
-
-
-def _hits(
-    answer: GroupHits, file: SegmentFile, rate: float, label: str, costs: FloatArray
-) -> Iterable[Hit]:
-    starts, ends = answer.bounds[:, 0].tolist(), answer.bounds[:, -1].tolist()
-    rows = zip(answer.documents.tolist(), starts, ends, costs.tolist(), strict=True)
-    for number, start, end, cost in rows:
-        yield make_hit(file.documents[number], start, end, rate, cost, label)
-
-
-def _ranked(hits: Sequence[Hit], top: int | None) -> Iterable[Hit]:
-    order = ranking_order(
-        np.array([hit.cost for hit in hits]),
-        [hit.document for hit in hits],
-        np.array([hit.start_frame for hit in hits], np.int64),
-        np.array([hit.end_frame for hit in hits], np.int64),
+    by_example = kinds == ["example"]
+    asking = Asking(
+        select or "all",
+        mode,
+        mismatches,
+        mismatch_at,
+        rank or ("length" if by_example else "none"),
+        top,
+        combine,
+        mirror,
+        explain,
+        read or ReadOptions(),
     )
-    return (hits[place] for place in order[:top].tolist())
-
-
-def _untrusted_remarks(
-    left_open: dict[int, int], query: FuzzyQuery, feature_set: FeatureSet
-) -> Iterable[str]:
-    for mask, documents in left_open.items():
-        names = _names(feature_set, mask)
-        if mask == query.mask:
-            yield f"{documents} documents can't be asked: their skeletons can't tell {names}"
+    _check(asking, kinds[0], select)
+    with open_archive(store, where) as archive:
+        if scene is not None:
+            return _by_scene(archive, scene, asking)
+        if example is not None:
+            several = [example] if isinstance(example, (str, Path, Example)) else example
+            return _by_examples(archive, several, asking)
+        if steps_of is not None:
+            label, given_pattern = short_pattern(archive, *steps_of)
         else:
-            yield f"in {documents} documents {names} is left open: their skeletons can't tell it"
+            label, given_pattern = load_pattern(archive, pattern or "")
+        return _by_pattern(archive, label, given_pattern, asking)
 
 
-def _names(feature_set: FeatureSet, mask: int) -> str:
-    return ", ".join(
-        identifier for bit, identifier in enumerate(feature_set.ids) if mask >> bit & 1
-    )
+def _check(asking: Asking, kind: str, select: str | None) -> None:
+    """Refuse what does not go together."""
+    if asking.combine not in COMBINATIONS:
+        raise ParameterError(f"several examples combine by any or all, not '{asking.combine}'")
+    if kind != "example" and select is not None:
+        raise ParameterError(f"--select is for examples; --{kind} names its features itself")
+    if kind != "example" and asking.rank != "none":
+        raise ParameterError(f"--rank {asking.rank} compares with an example; --{kind} has none")
+    if asking.mode != "mismatch" and (asking.mismatches or asking.mismatch_at is not None):
+        raise ParameterError("mismatches are for the mode mismatch")
+
+
+def _by_examples(
+    archive: Archive, examples: Sequence[str | Path | Example], asking: Asking
+) -> Found:
+    costs = costs_by(asking.rank, archive)
+    mask = archive.feature_set.select(asking.select)
+    asked: list[list[Asked]] = []
+    remarks: list[str] = []
+    for example in examples:
+        loaded = load_example(archive, example, asking.read)
+        remarks += example_remarks(archive, loaded, mask)
+        asked.append([])
+        for turned, own_mask in _with_mirrored_example(archive, loaded, mask, asking.mirror):
+            pattern, answers = ask_example(
+                archive,
+                turned,
+                own_mask,
+                asking.mode,
+                asking.mismatches,
+                asking.mismatch_at,
+                costs,
+            )
+            asked[-1].append(Asked(pattern, answers, loaded.label, turned))
+    questions = [question for some in asked for question in some]
+    for question in questions[: 1 if len(examples) == 1 else None]:
+        if question.pattern is not None and not (question.example and question.example.mirrored):
+            mine = untrusted_remarks(archive.feature_set, question.answers, question.pattern.mask)
+            remarks += (remark for remark in mine if remark not in remarks)
+    together = asking.combine == "all" and len(examples) > 1
+    if together:
+        sides = [[answer for question in some for answer in question.answers] for some in asked]
+        chosen = best(archive, agreeing(sides), asking.top, apart=True)
+    else:
+        answers = [answer for question in questions for answer in question.answers]
+        chosen = best(archive, answers, asking.top)
+    return _found(archive, chosen, remarks, questions, asking, several=len(examples) > 1)
+
+
+def _with_mirrored_example(
+    archive: Archive, example: LoadedExample, mask: int, mirror: bool
+) -> Iterator[tuple[LoadedExample, int]]:
+    yield example, mask
+    if mirror:
+        permutation = archive.feature_set.mirror
+        partners = permutation.tolist()
+        turned = sum(1 << partners[bit] for bit in range(len(partners)) if mask >> bit & 1)
+        yield mirror_example(example, permutation), turned
+
+
+def _by_pattern(archive: Archive, label: str, pattern: Pattern, asking: Asking) -> Found:
+    pattern = _with_mismatches_at(pattern, asking.mismatch_at)
+    turns = [(pattern, False)]
+    if asking.mirror:
+        turns.append((mirror_pattern(pattern, archive.feature_set.mirror), True))
+    questions = [
+        Asked(turn, ask(archive, turn, asking.mode, asking.mismatches, label, mirrored), label)
+        for turn, mirrored in turns
+    ]
+    chosen = best(archive, [a for question in questions for a in question.answers], asking.top)
+    mask, answers = pattern.mask, questions[0].answers
+    remarks = [
+        *_joined_remarks(pattern, answers),
+        *untrusted_remarks(archive.feature_set, answers, mask),
+    ]
+    return _found(archive, chosen, remarks, questions, asking)
+
+
+def _with_mismatches_at(pattern: Pattern, steps: Sequence[int] | None) -> Pattern:
+    if steps is None:
+        return pattern
+    count = len(pattern.steps)
+    if wrong := [step for step in steps if not 1 <= step <= count]:
+        raise ParameterError(f"no step {wrong[0]} to disagree; the pattern has {count}")
+    block = pattern.blocks[0]  # patterns of several are refused by the mode
+    may_fail = [step in steps for step in range(1, len(block.query.steps) + 1)]
+    first = replace(block, may_fail=block.may_fail & may_fail)
+    return Pattern((first, *pattern.blocks[1:]), pattern.gaps)
+
+
+def _joined_remarks(pattern: Pattern, answers: Sequence[Answer]) -> Iterator[str]:
+    for answer in answers:
+        if answer.pattern is not None and not answer.group.untrusted & pattern.mask:
+            if len(answer.pattern.steps) < len(pattern.steps):
+                yield (
+                    f"steps in a row that can hold at once were joined: {len(pattern.steps)} steps "
+                    f"became {len(answer.pattern.steps)}"
+                )
+            return
+
+
+def _by_scene(archive: Archive, path: str | Path, asking: Asking) -> Found:
+    label, scene = load_scene(archive, path)
+    answers = ask_scene(archive, scene, asking.mode, label)
+    remarks = list(untrusted_remarks(archive.feature_set, answers, scene_mask(scene)))
+    if asking.mirror:
+        turned = mirror_scene(archive, scene)
+        answers = [*answers, *ask_scene(archive, turned, asking.mode, label, mirrored=True)]
+    chosen = best(archive, answers, asking.top)
+    extras = tuple({"mirrored": one.answer.mirrored} for one in chosen) if asking.mirror else ()
+    lines = tuple(explain_scene(archive, scene, asking.mode, chosen)) if asking.explain else ()
+    return Found(tuple(one.hit for one in chosen), tuple(remarks), extras, lines)
+
+
+def _found(
+    archive: Archive,
+    chosen: Sequence[Chosen],
+    remarks: Sequence[str],
+    questions: Sequence[Asked],
+    asking: Asking,
+    several: bool = False,
+) -> Found:
+    extras: list[dict[str, object]] = [{} for _ in chosen]
+    lines: list[str] = []
+    if asking.mirror:
+        for extra, one in zip(extras, chosen, strict=True):
+            extra["mirrored"] = one.answer.mirrored
+    if asking.explain:
+        example_of = _examples_of(questions)
+        for rank, (extra, one) in enumerate(zip(extras, chosen, strict=True), start=1):
+            steps = agreements(archive, one, example_of(one.answer))
+            extra["steps"] = step_records(steps, archive.feature_set, archive.rate)
+            lines += explain_hit(rank, one, steps, archive.feature_set, archive.rate)
+        if not chosen:
+            for question in questions:
+                if question.pattern is not None and not _turned(question):
+                    lines += explain_nothing(
+                        archive, question.pattern, asking.mode, asking.mismatches, question.label
+                    )
+            if several and any(len(a.documents) for q in questions for a in q.answers):
+                lines.append("each example has hits, but nowhere do hits of all overlap")
+    hits = tuple(one.hit for one in chosen)
+    return Found(hits, tuple(remarks), tuple(extras) if any(extras) else (), tuple(lines))
+
+
+def _turned(question: Asked) -> bool:
+    return any(answer.mirrored for answer in question.answers)
+
+
+def _examples_of(questions: Sequence[Asked]) -> Callable[[Answer], LoadedExample | None]:
+    """Tell of which example an answer is: by label and side, for answers may have been cut."""
+    known = {
+        (question.label, bool(question.example and question.example.mirrored)): question.example
+        for question in questions
+    }
+    return lambda answer: known.get((answer.label, answer.mirrored))

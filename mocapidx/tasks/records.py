@@ -115,6 +115,8 @@ def _csv_lines(records: Sequence[Record], columns: Sequence[str]) -> Iterator[st
 
 
 def _csv_cell(value: object) -> object:
+    if isinstance(value, (list, dict)):
+        return json.dumps(value, ensure_ascii=True)
     if not isinstance(value, str):
         return value
     text = shown(value)

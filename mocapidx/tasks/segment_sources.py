@@ -1,5 +1,6 @@
 """Segment files of a store as queries see them: runs, lists and groups of documents."""
 
+from collections.abc import Container
 from functools import partial
 from typing import Final
 
@@ -91,12 +92,16 @@ def segment_source(snapshot: Snapshot, file: SegmentFile, feature_set: FeatureSe
     return Source(first_positions(lengths), lengths, parts)
 
 
-def document_groups(file: SegmentFile) -> list[DocumentGroup]:
+def document_groups(
+    file: SegmentFile, wanted: Container[int] | None = None
+) -> list[DocumentGroup]:
     """Group the live documents of a segment file by the features that they can't be trusted in.
 
     Parameters
     ----------
     file : SegmentFile
+    wanted : container of int, optional
+        Numbers of the documents that count; default all.
 
     Returns
     -------
@@ -105,7 +110,7 @@ def document_groups(file: SegmentFile) -> list[DocumentGroup]:
     """
     numbers: dict[int, list[int]] = {}
     for number, document in enumerate(file.documents):
-        if document.live:
+        if document.live and (wanted is None or number in wanted):
             numbers.setdefault(untrusted_mask(document), []).append(number)
     return [
         DocumentGroup(mask, np.array(documents, np.int64)) for mask, documents in numbers.items()

@@ -1,0 +1,369 @@
+"""What every kind of query shares: where it looks, what it finds, and how hits are ordered."""
+
+from bisect import bisect_left
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from mocapidx.features.featureset import FeatureSet
+from mocapidx.model import FloatArray, Hit, IndexArray
+from mocapidx.queries.evaluate import DocumentGroup, GroupHits, evaluate
+from mocapidx.queries.pattern import Pattern
+from mocapidx.queries.rank import ranking_order
+from mocapidx.queries.source import Source
+from mocapidx.store.manifest import Placed, SegmentFile
+from mocapidx.store.read import Snapshot, open_store
+from mocapidx.tasks.hits import make_hit
+from mocapidx.tasks.records import Record, hit_record
+from mocapidx.tasks.segment_sources import document_groups, segment_source, store_feature_set
+from mocapidx.tasks.where import check_keys, document_facts, parse_where
+
+__all__ = [
+    "Answer",
+    "Archive",
+    "Chosen",
+    "Found",
+    "ask",
+    "best",
+    "feature_names",
+    "open_archive",
+    "untrusted_remarks",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """The answer to a query.
+
+    Parameters
+    ----------
+    hits : tuple of Hit
+        Best first.
+    remarks : tuple of str
+        What a person should know about the answer, a sentence each.
+    extras : tuple of mapping
+        Further keys of each hit's record; empty where there are none.
+    explanation : tuple of str
+        Lines for people on each hit, or on why there is none; empty unless asked for.
+    """
+
+    hits: tuple[Hit, ...]
+    remarks: tuple[str, ...]
+    extras: tuple[Mapping[str, object], ...] = ()
+    explanation: tuple[str, ...] = ()
+
+    def records(self) -> list[Record]:
+        """Lay the hits out as records, ranked from 1, with their further keys at the end."""
+        extras = self.extras or ({},) * len(self.hits)
+        return [
+            {**hit_record(hit, rank), **extra}
+            for rank, (hit, extra) in enumerate(zip(self.hits, extras, strict=True), start=1)
+        ]
+
+
+@dataclass(frozen=True)
+class LookedAt:
+    """A segment file, and those of its documents that count.
+
+    Parameters
+    ----------
+    file : SegmentFile
+    source : Source
+    groups : list of DocumentGroup
+    """
+
+    file: SegmentFile
+    source: Source
+    groups: list[DocumentGroup]
+
+    @cached_property
+    def placed(self) -> list[Placed]:
+        """Its documents with their places, dead ones too."""
+        return list(self.file.placed())
+
+
+@dataclass(frozen=True, slots=True)
+class Archive:
+    """The part of a store that a query looks at.
+
+    Parameters
+    ----------
+    snapshot : Snapshot
+    feature_set : FeatureSet
+        The store's.
+    rate : float
+        The store's, in Hz.
+    files : tuple of LookedAt
+    """
+
+    snapshot: Snapshot
+    feature_set: FeatureSet
+    rate: float
+    files: tuple[LookedAt, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Answer:
+    """The hits of one question in documents of one file.
+
+    Parameters
+    ----------
+    place : LookedAt
+        The file.
+    documents : ndarray of int64, shape (H,)
+        Number of the document of each hit.
+    spans : ndarray of int64, shape (H, 2)
+        Start and end in frames of the document.
+    label : str
+    mirrored : bool
+        Whether left and right were exchanged in the question.
+    pattern : Pattern or None
+        What was looked for in these documents; None for scenes.
+    bounds : ndarray of int64, shape (H, S + B)
+        Of the steps of `pattern`, as in `GroupHits`.
+    costs : ndarray of float64, shape (H,)
+    group : DocumentGroup
+        The documents that were asked.
+    """
+
+    place: LookedAt
+    documents: IndexArray
+    spans: IndexArray
+    label: str
+    mirrored: bool
+    pattern: Pattern | None
+    bounds: IndexArray
+    costs: FloatArray
+    group: DocumentGroup
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Chosen:
+    """A hit that is shown, and where it comes from.
+
+    Parameters
+    ----------
+    hit : Hit
+    answer : Answer
+    row : int
+        Its place in the answer.
+    """
+
+    hit: Hit
+    answer: Answer
+    row: int
+
+
+@contextmanager
+def open_archive(store: str | Path, where: str | None = None) -> Iterator[Archive]:
+    """Open a store for a query.
+
+    Parameters
+    ----------
+    store : str or Path
+    where : str, optional
+        A condition on documents, as in `mocapidx.tasks.where`.
+
+    Yields
+    ------
+    Archive
+
+    Raises
+    ------
+    StoreError
+    ParameterError
+        If the condition can't be understood, or asks for what no document has.
+    """
+    with open_store(Path(store)) as snapshot:
+        feature_set = store_feature_set(snapshot)
+        rate = snapshot.manifest.settings.rate
+        wanted = _wanted(snapshot, where)
+        files = tuple(
+            LookedAt(
+                file, segment_source(snapshot, file, feature_set), document_groups(file, numbers)
+            )
+            for file, numbers in zip(snapshot.files, wanted, strict=True)
+        )
+        yield Archive(snapshot, feature_set, rate, files)
+
+
+def _wanted(snapshot: Snapshot, where: str | None) -> Sequence[set[int] | None]:
+    """Find the numbers of the documents that meet a condition, for each segment file."""
+    if where is None:
+        return [None] * len(snapshot.files)
+    condition, rate = parse_where(where), snapshot.manifest.settings.rate
+    keys: dict[str, None] = {}
+    wanted = []
+    for file in snapshot.files:
+        numbers = set()
+        for number, document in enumerate(file.documents):
+            facts = document_facts(document, rate)
+            if document.live:
+                keys |= dict.fromkeys(facts)
+                if condition.holds(facts):
+                    numbers.add(number)
+        wanted.append(numbers)
+    if keys:
+        check_keys(condition, tuple(keys))
+    return wanted
+
+
+def ask(
+    archive: Archive,
+    pattern: Pattern,
+    mode: str,
+    mismatches: int,
+    label: str,
+    mirrored: bool = False,
+) -> list[Answer]:
+    """Find a pattern in all documents that count.
+
+    Parameters
+    ----------
+    archive : Archive
+    pattern : Pattern
+    mode : str
+        One of `mocapidx.queries.evaluate.MODES`.
+    mismatches : int
+        For the mode ``mismatch``.
+    label : str
+        Of the hits.
+    mirrored : bool
+        Whether `pattern` is a mirrored one.
+
+    Returns
+    -------
+    list of Answer
+        All costs 0. One for each group of documents, also for those without hits.
+    """
+    return [
+        _answer(place, found, label, mirrored)
+        for place in archive.files
+        for found in evaluate(pattern, mode, place.source, place.groups, mismatches)
+    ]
+
+
+def _answer(place: LookedAt, found: GroupHits, label: str, mirrored: bool) -> Answer:
+    bounds = found.bounds
+    return Answer(
+        place,
+        found.documents,
+        bounds[:, [0, -1]],
+        label,
+        mirrored,
+        found.pattern,
+        bounds,
+        np.zeros(len(bounds)),
+        found.group,
+    )
+
+
+def best(
+    archive: Archive, answers: Sequence[Answer], top: int | None, *, apart: bool = False
+) -> list[Chosen]:
+    """Order hits by cost, document name and time; keep one of those that are the same.
+
+    Parameters
+    ----------
+    archive : Archive
+    answers : sequence of Answer
+        Of two that hold the same stretch the better one is kept, of equal costs the first.
+    top : int, optional
+        Keep the best only.
+    apart : bool
+        Keep only the best of hits that overlap.
+
+    Returns
+    -------
+    list of Chosen
+        Best first.
+    """
+    if not answers:
+        return []
+    names = [
+        answer.place.file.documents[number].name
+        for answer in answers
+        for number in answer.documents.tolist()
+    ]
+    spans = np.concatenate([answer.spans for answer in answers])
+    costs = np.concatenate([answer.costs for answer in answers])
+    rows = [(answer, row) for answer in answers for row in range(len(answer.documents))]
+    chosen: list[Chosen] = []
+    seen = _Apart() if apart else _Different()
+    for place in ranking_order(costs, names, spans[:, 0], spans[:, 1]).tolist():
+        if top is not None and len(chosen) >= top:
+            break
+        start, end = spans[place].tolist()
+        if seen.takes(names[place], start, end):
+            answer, row = rows[place]
+            document = answer.place.file.documents[answer.documents[row]]
+            cost = float(costs[place])
+            hit = make_hit(document, start, end, archive.rate, cost, answer.label)
+            chosen.append(Chosen(hit, answer, row))
+    return chosen
+
+
+class _Different:
+    """Takes each stretch once."""
+
+    def __init__(self) -> None:
+        self.seen: set[tuple[str, int, int]] = set()
+
+    def takes(self, document: str, start: int, end: int) -> bool:
+        count = len(self.seen)
+        self.seen.add((document, start, end))
+        return len(self.seen) > count
+
+
+class _Apart:
+    """Takes stretches that overlap none that was taken before."""
+
+    def __init__(self) -> None:
+        self.taken: dict[str, list[tuple[int, int]]] = {}
+
+    def takes(self, document: str, start: int, end: int) -> bool:
+        taken = self.taken.setdefault(document, [])
+        place = bisect_left(taken, (end, 0))
+        if place and taken[place - 1][1] > start:
+            return False
+        taken.insert(place, (start, end))
+        return True
+
+
+def untrusted_remarks(
+    feature_set: FeatureSet, answers: Iterable[Answer], mask: int
+) -> Iterator[str]:
+    """Say which documents were asked less than everything because of their skeletons.
+
+    Parameters
+    ----------
+    feature_set : FeatureSet
+    answers : iterable of Answer
+        Of one question.
+    mask : int
+        The features of the question.
+
+    Yields
+    ------
+    str
+    """
+    counts: dict[tuple[int, bool], int] = {}
+    for answer in answers:
+        if unknown := answer.group.untrusted & mask:
+            key = (unknown, answer.pattern is None)
+            counts[key] = counts.get(key, 0) + len(answer.group.documents)
+    for (unknown, refused), count in counts.items():
+        names = feature_names(feature_set, unknown)
+        if refused:
+            yield f"{count} documents can't be asked: their skeletons can't tell {names}"
+        else:
+            yield f"in {count} documents {names} is left open: their skeletons can't tell it"
+
+
+def feature_names(feature_set: FeatureSet, mask: int) -> str:
+    """Name the features of a mask by their ids."""
+    return ", ".join(id for bit, id in enumerate(feature_set.ids) if mask >> bit & 1)
