@@ -5,22 +5,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-import numpy as np
-
-from mocapidx.alignment.weighted import LONGEST_PATTERN
-from mocapidx.errors import ParameterError
-from mocapidx.features.extract import extract_features, feature_margins, untrusted_features
 from mocapidx.features.featureset import FeatureSet
-from mocapidx.features.words import pack_words
-from mocapidx.model import FloatArray, Hit, IndexArray, WordArray
-from mocapidx.printable import shown
-from mocapidx.skeleton.resample import resample_motion
+from mocapidx.model import FloatArray, Hit, IndexArray
 from mocapidx.store.read import Snapshot, open_store
 from mocapidx.tasks.hits import make_hit
+from mocapidx.tasks.oneshot_example import ExampleShot, read_example
 from mocapidx.tasks.oneshot_learn import learn_from_hits
 from mocapidx.tasks.oneshot_scan import Area, Ranking, choose_area, median_cost, rank
-from mocapidx.tasks.query import Example, parse_example
-from mocapidx.tasks.read import ReadOptions, read_take
+from mocapidx.tasks.query_example import Example
+from mocapidx.tasks.read import ReadOptions
 from mocapidx.tasks.records import Record, hit_record
 from mocapidx.tasks.segment_sources import store_feature_set, untrusted_mask
 from mocapidx.tasks.sigma import store_sigma
@@ -28,16 +21,13 @@ from mocapidx.tasks.store_poses import read_shot
 from mocapidx.templates.oneshot import (
     ACCEPTED,
     SURE,
-    OneShot,
     Pattern,
     accept,
-    flipping_distances,
     join_examples,
     signed_distances,
     weigh,
     weight_shares,
 )
-from mocapidx.templates.thresholds import Clip
 
 __all__ = ["AutoFound", "WeightShare", "auto_records", "query_auto", "weight_records"]
 
@@ -93,16 +83,6 @@ class AutoFound:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Shot:
-    """The example: its name, its words, and how firmly its features hold."""
-
-    label: str
-    words: WordArray
-    untrusted: int
-    shot: OneShot
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class _Answer:
     """A ranking, the pattern it is of, and what led to it."""
 
@@ -127,7 +107,7 @@ def query_auto(
     ----------
     store : str or Path
     example : str, Path or Example
-        As text: ``FILE`` or ``FILE@START:END``.
+        As text: ``FILE`` or ``FILE@START:END``; a document of the store in place of FILE.
     feedback : bool
         Sharpen the template once with the hits that are surely the same motion.
     top : int, optional
@@ -149,12 +129,10 @@ def query_auto(
     WriteError
         If the template could not be written.
     """
-    if not isinstance(example, Example):
-        example = parse_example(str(example))
     with open_store(Path(store)) as snapshot:
         settings = snapshot.manifest.settings
         feature_set = store_feature_set(snapshot)
-        shot = _read_example(example, feature_set, settings.rate, read or ReadOptions())
+        shot = read_example(snapshot, example, feature_set, read or ReadOptions())
         remarks = list(_remarks(snapshot, shot, feature_set, feedback))
         sigma = store_sigma(snapshot, feature_set)
         signed = signed_distances(shot.shot, sigma)
@@ -171,8 +149,7 @@ def query_auto(
         if feedback and not answer.accepted:
             remarks.append("no hit was near enough to sharpen the template with")
         if learn is not None:
-            clip = Clip(shot.words & ~np.uint64(shot.untrusted), shot.untrusted)
-            learn_from_hits(learn, clip, example, snapshot, answer.accepted)
+            learn_from_hits(learn, shot, snapshot, answer.accepted)
         hits = _hits(area, answer.ranking, slice(top), shot.label)
     sure = answer.ranking.costs[:top] <= SURE * answer.median
     return AutoFound(
@@ -227,34 +204,8 @@ def weight_records(found: AutoFound) -> list[Record]:
     ]
 
 
-def _read_example(
-    example: Example, feature_set: FeatureSet, rate: float, options: ReadOptions
-) -> _Shot:
-    motion = resample_motion(read_take(example.path, options).motion, rate)
-    bits = extract_features(motion, feature_set, rate)
-    margins = feature_margins(motion, feature_set, rate)
-    distances = flipping_distances(bits, margins.strong, margins.weak)
-    untrusted = untrusted_features(motion, feature_set)
-    distances[:, [bit for bit in range(bits.shape[1]) if untrusted >> bit & 1]] = np.nan
-    # Cut after extraction: velocities and hysteresis then know what came before.
-    start = round((example.start or 0.0) * rate)
-    end = len(bits) if example.end is None else min(len(bits), round(example.end * rate))
-    if start >= end:
-        raise ParameterError(
-            f"{shown(str(example.path))}: lasts {len(bits) / rate:.2f} s, "
-            f"the example starts at {start / rate:.2f} s"
-        )
-    if end - start > LONGEST_PATTERN:
-        raise ParameterError(
-            f"{shown(str(example.path))}: the example has {end - start} frames, at most "
-            f"{LONGEST_PATTERN} are compared; give the part that matters as FILE@START:END"
-        )
-    bits, distances = bits[start:end], distances[start:end]
-    return _Shot(example.label, pack_words(bits), untrusted, OneShot(bits, distances))
-
-
 def _remarks(
-    snapshot: Snapshot, shot: _Shot, feature_set: FeatureSet, feedback: bool
+    snapshot: Snapshot, shot: ExampleShot, feature_set: FeatureSet, feedback: bool
 ) -> Sequence[str]:
     remarks = []
     if shot.untrusted:
@@ -289,7 +240,7 @@ def _ranked(area: Area, pattern: Pattern, accepted: tuple[Hit, ...] = ()) -> _An
 def _sharpened(
     area: Area,
     first: _Answer,
-    shot: _Shot,
+    shot: ExampleShot,
     signed: FloatArray,
     sigma: FloatArray,
     feature_set: FeatureSet,

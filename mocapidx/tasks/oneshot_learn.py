@@ -9,7 +9,7 @@ from mocapidx.model import Hit
 from mocapidx.store.manifest import Placed
 from mocapidx.store.read import Snapshot
 from mocapidx.store.schema import FRAME_WORDS
-from mocapidx.tasks.query import Example
+from mocapidx.tasks.oneshot_example import ExampleShot
 from mocapidx.tasks.segment_sources import store_feature_set, untrusted_mask
 from mocapidx.templates.classes import ClassMotion, learn_class
 from mocapidx.templates.file import save_templates
@@ -20,7 +20,7 @@ __all__ = ["learn_from_hits"]
 
 
 def learn_from_hits(
-    path: Path, clip: Clip, example: Example, snapshot: Snapshot, hits: Sequence[Hit]
+    path: Path, example: ExampleShot, snapshot: Snapshot, hits: Sequence[Hit]
 ) -> None:
     """Learn a template and write it to a file of its own.
 
@@ -28,9 +28,7 @@ def learn_from_hits(
     ----------
     path : Path
         The template file.
-    clip : Clip
-        The example's motion.
-    example : Example
+    example : ExampleShot
         Gives the template its label.
     snapshot : Snapshot
         Holds the hits' documents.
@@ -48,9 +46,12 @@ def learn_from_hits(
     places = {placed.document.name: placed for placed in snapshot.documents()}
     job = ClassMotion(
         label=example.label,
-        examples=(clip, *(_clip(snapshot, places[hit.document], hit) for hit in hits)),
-        names=(str(example.path), *map(_name, hits)),
-        groups=(str(example.path), *(hit.document for hit in hits)),
+        examples=(
+            Clip(example.words, example.untrusted),
+            *(_clip(snapshot, places[hit.document], hit) for hit in hits),
+        ),
+        names=(example.name, *map(_name, hits)),
+        groups=(example.name, *(hit.document for hit in hits)),
         others=(),
         background=(),
         features=len(store_feature_set(snapshot).features),
