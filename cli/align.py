@@ -17,7 +17,7 @@ __all__ = ["align"]
 @click.option(
     "--store",
     type=click.Path(path_type=Path),
-    help="A and B are documents of this store, not files.",
+    help="A and B may be documents of this store, too.",
 )
 @click.option(
     "--select",

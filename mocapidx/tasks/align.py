@@ -28,7 +28,7 @@ from mocapidx.skeleton.joints import CANONICAL_JOINTS
 from mocapidx.skeleton.resample import resample_motion
 from mocapidx.store.read import Snapshot, open_store
 from mocapidx.store.schema import FRAME_WORDS, POSES
-from mocapidx.tasks.query import Example, parse_example
+from mocapidx.tasks.query_example import Example, parse_example
 from mocapidx.tasks.read import ReadOptions, read_take
 from mocapidx.tasks.records import Record
 from mocapidx.tasks.segment_sources import store_feature_set, untrusted_mask
@@ -156,7 +156,7 @@ def align_motions(
         ``FILE`` or ``FILE@START:END``, in seconds.
     options : AlignOptions, optional
     store : str or Path, optional
-        `one` and `other` are names of its documents, not files.
+        `one` and `other` may be names of its documents, too, in place of FILE.
     picture : Path, optional
         A .png or .svg file to draw the alignment into.
 
@@ -185,12 +185,12 @@ def align_motions(
     texts = (str(one), str(other))
     if store is None:
         feature_set, rate = load_feature_set(options.feature_set), options.rate
-        a, b = (_from_file(parse_example(text), feature_set, options) for text in texts)
+        a, b = (_from_file(parse_example(text), feature_set, rate, options) for text in texts)
     else:
         with open_store(Path(store)) as snapshot:
             feature_set = store_feature_set(snapshot)
             rate = snapshot.manifest.settings.rate
-            a, b = (_from_store(text, snapshot) for text in texts)
+            a, b = (_from_store(text, snapshot, feature_set, options) for text in texts)
     aligned = _aligned(a, b, feature_set, rate, options)
     if picture is not None:
         draw_alignment(aligned, picture)
@@ -236,21 +236,28 @@ def _aligned(
     )
 
 
-def _from_file(example: Example, feature_set: FeatureSet, options: AlignOptions) -> _Stretch:
-    motion = resample_motion(read_take(example.path, options.read).motion, options.rate)
-    words = pack_words(extract_features(motion, feature_set, options.rate))
+def _from_file(
+    example: Example, feature_set: FeatureSet, rate: float, options: AlignOptions
+) -> _Stretch:
+    motion = resample_motion(read_take(example.path, options.read).motion, rate)
+    words = pack_words(extract_features(motion, feature_set, rate))
     untrusted = untrusted_features(motion, feature_set)
     poses = _without(motion.positions.astype(np.float64), motion.made)
     name = example.path.name
-    return _cut(name, example, words & ~np.uint64(untrusted), untrusted, poses, options.rate)
+    return _cut(name, example, words & ~np.uint64(untrusted), untrusted, poses, rate)
 
 
-def _from_store(text: str, store: Snapshot) -> _Stretch:
+def _from_store(
+    text: str, store: Snapshot, feature_set: FeatureSet, options: AlignOptions
+) -> _Stretch:
     places = {placed.document.name: placed for placed in store.documents()}
+    rate = store.manifest.settings.rate
     example = Example(Path(text)) if text in places else parse_example(text)
+    if example.path.exists():
+        return _from_file(example, feature_set, rate, options)
     name = text if text in places else str(example.path)
     if name not in places:
-        raise ParameterError(f"{shown(store.path)}: no document '{shown(name)}'")
+        raise ParameterError(f"{shown(name)}: neither a file nor a document of {shown(store.path)}")
     placed = places[name]
     document, start = placed.document, placed.frame_offset
     stop = start + document.frames
@@ -259,7 +266,6 @@ def _from_store(text: str, store: Snapshot) -> _Stretch:
     if store.manifest.settings.poses:
         stored = store.array(placed.file, POSES.path, start, stop)
         poses = _without(stored.astype(np.float64), document.rig.get("made", ()))
-    rate = store.manifest.settings.rate
     return _cut(name, example, words, untrusted_mask(document), poses, rate)
 
 
