@@ -182,6 +182,8 @@ def _documents_json(
         columns["facts"][-1] = dict(sorted(document.facts.items()))
         columns["root"][-1] = roots.setdefault(document.root, len(roots))
         columns["rig"][-1] = rigs.setdefault(rig, len(rigs))
+    if not any(columns["facts"]):  # so stores from before there were facts keep their bytes
+        del columns["facts"]
     return columns
 
 
