@@ -47,7 +47,8 @@ UNSET = {None, "adaptive", 0}  # what they are where not given; 0 is also False
     "--select",
     metavar="FEATURES",
     help="Features of an example that count: ids such as F17,F18, names, or the sets upper, "
-    "lower, mix, all; or auto, which weighs all of them and ranks everything.  [default: all]",
+    "lower, mix, all; auto, which weighs all of them and ranks everything; or relax, which leaves "
+    "features out until there are enough hits.  [default: all]",
 )
 @click.option(
     "--no-feedback",

@@ -40,6 +40,7 @@ from mocapidx.tasks.query_pattern import (
 )
 from mocapidx.tasks.query_rank import RANKINGS, costs_by
 from mocapidx.tasks.read import ReadOptions
+from mocapidx.tasks.relax import ask_relaxed
 
 __all__ = ["MODES", "RANKINGS", "Example", "Found", "parse_example", "query_store"]
 
@@ -107,7 +108,8 @@ def query_store(
     scene : str or Path
         A TOML file with several progressions, or the name of a shipped scene.
     select : str, optional
-        The features of an example that count, as in `FeatureSet.select`; default all.
+        The features of an example that count, as in `FeatureSet.select`; default all. With
+        ``relax`` features are left out until there are enough hits.
     mode : {"exact", "fuzzy", "adaptive", "mismatch"}
     mismatches : int
         Steps that may disagree, for the mode ``mismatch``.
@@ -189,6 +191,10 @@ def _check(asking: Asking, kind: str, select: str | None) -> None:
 def _by_examples(
     archive: Archive, examples: Sequence[str | Path | Example], asking: Asking
 ) -> Found:
+    if asking.select == "relax":
+        if len(examples) != 1 or asking.mirror or asking.mode == "mismatch":
+            raise ParameterError("--select relax takes one example, without --mirror or mismatches")
+        return ask_relaxed(archive, examples[0], asking.mode, asking.rank, asking.top, asking.read)
     costs = costs_by(asking.rank, archive)
     mask = archive.feature_set.select(asking.select)
     asked: list[list[Asked]] = []
