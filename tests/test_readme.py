@@ -1,92 +1,69 @@
 """What README.md shows is what the program does; what the pages name exists."""
 
 import importlib
-import os
 import re
 import shlex
 import subprocess
 import sys
-from pathlib import Path
 
 import click
 import pytest
 
+from fixtures.session import README, commands, generate_place, renewed, run
 from mocapidx_cli.main import COMMANDS
 
-ROOT = Path(__file__).parent.parent
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-SECONDS = re.compile(r"(?<= in )\d+\.\d s$", re.MULTILINE)
+PAGES = [README, *sorted((README.parent / "docs").glob("*.md"))]
 
 
 def blocks(text, language):
     return re.findall(rf"^```{language}\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
 
 
-def session():
-    """List the commands of README's first session, each with what it is said to print."""
-    shown = "".join(blocks(README, "console"))
-    return re.findall(r"^\$ (.*)\n((?:(?!\$ ).*\n)*)", shown, re.MULTILINE)
-
-
-@pytest.fixture(scope="module")
-def place(tmp_path_factory):
-    """A folder with the motion that `make demo` leaves in build/fixtures."""
-    from fixtures.generate import generate
-
-    folder = tmp_path_factory.mktemp("session")
-    generate(folder / "build" / "fixtures")
-    (folder / "build" / "fixtures" / ".done").touch()  # the Makefile's
-    return folder
-
-
-def run(command, place):
-    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    return subprocess.run(
-        ["bash", "-o", "pipefail", "-c", command],
-        cwd=place,
-        env=os.environ | {"PATH": path},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        timeout=120,
-    )
-
-
-def test_the_first_session_prints_what_the_readme_shows(place):
-    commands = session()
-    assert len(commands) > 5
-    for command, expected in commands:
-        done = run(command, place)
-        assert done.returncode == 0, f"{command}\n{done.stdout}"
-        assert SECONDS.sub("", done.stdout) == SECONDS.sub("", expected), command
-
-    kicks, found = found_kicks(place, commands)
-    assert f"there are {len(found)} rows" in README
-    assert f"one of the {kicks} right" in " ".join(README.split())
-    (code,) = blocks(README, "python")
+def test_the_first_session_of_the_readme(tmp_path):
+    """One test, so that the motion is made and indexed once, however tests are spread."""
+    text = README.read_text(encoding="utf-8")
+    generate_place(tmp_path)
+    printed = list(commands(renewed(text, tmp_path)))
+    assert len(printed) > 5
+    for (command, shown), (_, now) in zip(commands(text), printed, strict=True):
+        assert now == shown, f"{command}\n'python -m fixtures.session' renews what is shown"
+    check_the_kicks(text, tmp_path)
+    (code,) = blocks(text, "python")
     done = subprocess.run(
-        [sys.executable, "-c", code], cwd=place, capture_output=True, text=True, timeout=60
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=60
     )
     assert done.returncode == 0, done.stderr
     assert len(done.stdout.splitlines()) == 3
 
 
-def found_kicks(place, commands):
-    """Count the right kicks in the files; list the hits of README's query, all of them right."""
-    command = next(text for text, _ in commands if "F17,F20" in text)
-    rows = run(command.replace("--top 5", "--format csv"), place).stdout.splitlines()[1:]
+def check_the_kicks(text, place):
+    """They are as many as the README says, and each of them is a right kick by the labels."""
+    command = next(command for command, _ in commands(text) if "F17,F20" in command)
+    rows = run(command.replace("--top 5", "--format csv"), place).splitlines()[1:]
     labels = (place / "build/fixtures/labels.csv").read_text().splitlines()[1:]
-    truth = [label.split(",") for label in labels]
-    kicks = [label for label in truth if label[1] == "kickFrontRight"]
-    for row in rows:
-        cells = row.split(",")
+    kicks = [label for label in map(split, labels) if label[1] == "kickFrontRight"]
+    words = " ".join(text.split())
+    assert f"there are {len(rows)} rows" in words
+    assert f"one of the {len(kicks)} right kicks" in words
+    for cells in map(split, rows):
         middle = (float(cells[4]) + float(cells[5])) / 2
         assert any(
             cells[1] == document and float(start or 0) < middle < float(end or "inf")
             for document, _, start, end, *_ in kicks
-        ), row
-    return len(kicks), rows
+        ), cells
+
+
+def split(line):
+    return line.split(",")
+
+
+def test_the_python_of_the_readme_runs(text, after_session, place):
+    (code,) = blocks(text, "python")
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=place, capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 0, done.stderr
+    assert len(done.stdout.splitlines()) == 3
 
 
 def shown_commands():
