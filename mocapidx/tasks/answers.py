@@ -5,6 +5,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,7 @@ from mocapidx.store.read import Snapshot, open_store
 from mocapidx.tasks.hits import make_hit
 from mocapidx.tasks.records import Record, hit_record
 from mocapidx.tasks.segment_sources import document_groups, segment_source, store_feature_set
-from mocapidx.tasks.where import check_keys, document_facts, parse_where
+from mocapidx.tasks.where import meeting
 
 __all__ = [
     "Answer",
@@ -195,21 +196,12 @@ def _wanted(snapshot: Snapshot, where: str | None) -> Sequence[set[int] | None]:
     """Find the numbers of the documents that meet a condition, for each segment file."""
     if where is None:
         return [None] * len(snapshot.files)
-    condition, rate = parse_where(where), snapshot.manifest.settings.rate
-    keys: dict[str, None] = {}
-    wanted = []
-    for file in snapshot.files:
-        numbers = set()
-        for number, document in enumerate(file.documents):
-            facts = document_facts(document, rate)
-            if document.live:
-                keys |= dict.fromkeys(facts)
-                if condition.holds(facts):
-                    numbers.add(number)
-        wanted.append(numbers)
-    if keys:
-        check_keys(condition, tuple(keys))
-    return wanted
+    documents = [document for file in snapshot.files for document in file.documents]
+    met = iter(meeting(documents, where, snapshot.manifest.settings.rate))
+    return [
+        {number for number, holds in enumerate(islice(met, len(file.documents))) if holds}
+        for file in snapshot.files
+    ]
 
 
 def ask(

@@ -15,6 +15,7 @@ from mocapidx.store.read import Snapshot, open_store
 from mocapidx.tasks.records import Record
 from mocapidx.tasks.segment_sources import segment_source, store_feature_set, untrusted_mask
 from mocapidx.tasks.stored import REST
+from mocapidx.tasks.where import meeting
 
 __all__ = ["DOCUMENT_COLUMNS", "document_info", "list_documents", "store_info"]
 
@@ -127,42 +128,50 @@ def document_info(store: str | Path, name: str) -> Record:
             low, high = np.searchsorted(part.starts, np.array(ends, np.uint32))
             facts[f"{name}_segments"] = int(high - low)
         facts["untrusted_features"] = _untrusted(document, feature_set)
-        facts |= _rig_facts(document.rig)
+        facts |= {**_rig_facts(document.rig), **document.facts}
     return facts
 
 
-def list_documents(store: str | Path) -> list[Record]:
+def list_documents(store: str | Path, where: str | None = None) -> list[Record]:
     """List the documents of a store.
 
     Parameters
     ----------
     store : str or Path
+    where : str, optional
+        A condition that they meet, as in `mocapidx.tasks.where`.
 
     Returns
     -------
     list of mapping
-        Name, length in seconds, frames and rate of the source, the joint map and the source, in
-        the order of the names.
+        Name, length in seconds, frames and rate of the source, the joint map, the source, and
+        what the names tell (None where a name doesn't), in the order of the names.
 
     Raises
     ------
     StoreError
+    ParameterError
+        If the condition can't be understood.
     """
     with open_store(Path(store)) as snapshot:
         rate = snapshot.manifest.settings.rate
-        return [
-            {
-                "document": document.name,
-                "seconds": round(document.frames / rate, 3),
-                "source_frames": document.source_frames,
-                "source_rate_hz": _whole(document.source_rate),
-                "joint_map": document.rig.get("joint_map"),
-                "source": str(document.source),
-            }
-            for document in sorted(
-                (entry.document for entry in snapshot.documents()), key=lambda one: one.name
-            )
-        ]
+        documents = [entry.document for entry in snapshot.documents()]
+    told = sorted({key for document in documents for key in document.facts})
+    if where is not None:
+        met = meeting(documents, where, rate)
+        documents = [document for document, holds in zip(documents, met, strict=True) if holds]
+    return [
+        {
+            "document": document.name,
+            "seconds": round(document.frames / rate, 3),
+            "source_frames": document.source_frames,
+            "source_rate_hz": _whole(document.source_rate),
+            "joint_map": document.rig.get("joint_map"),
+            "source": str(document.source),
+            **{key: document.facts.get(key) for key in told},
+        }
+        for document in sorted(documents, key=lambda one: one.name)
+    ]
 
 
 def _whole(rate: float) -> int | float:

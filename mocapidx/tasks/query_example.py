@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from mocapidx.errors import ParameterError
+from mocapidx.errors import FormatError, ParameterError
 from mocapidx.features.extract import extract_features, untrusted_features
 from mocapidx.features.words import pack_words
 from mocapidx.model import BoolArray, FloatArray, IndexArray, WordArray
@@ -133,6 +133,9 @@ def load_example(
         example = parse_example(text) if whole is None else Example(Path(text))
     name = str(example.path)
     placed = None if example.path.exists() else _document(archive, name)
+    if placed is None and not example.path.exists():
+        store = shown(archive.snapshot.path)
+        raise FormatError(f"{shown(name)}: no such file, and no document of {store}")
     loaded = _from_file(archive, example, options) if placed is None else _stored(archive, placed)
     # Cut after extraction: velocities and hysteresis then know what came before.
     rate, frames = archive.rate, len(loaded.words)

@@ -22,7 +22,7 @@ from mocapidx.errors import ParameterError
 from mocapidx.printable import shown
 from mocapidx.store.manifest import Document
 
-__all__ = ["Condition", "check_keys", "document_facts", "name_facts", "name_regex", "parse_where"]
+__all__ = ["Condition", "document_facts", "meeting", "name_facts", "name_regex", "parse_where"]
 
 Facts: TypeAlias = Mapping[str, str | float]
 Test: TypeAlias = Callable[[Facts], bool]
@@ -35,7 +35,10 @@ MOST_TEXT: Final = 10_000
 DEEPEST: Final = 50
 LONGEST_PATTERN: Final = 1000
 
-BUILT_IN: Final = ("document", "seconds", "frames", "rate")
+TAKEN: Final = frozenset(
+    ("document", "seconds", "frames", "source", "source_frames", "source_rate_hz", "joint_map")
+)
+"""Keys with a meaning of their own in lists and conditions."""
 
 
 class Condition:
@@ -225,26 +228,37 @@ def document_facts(document: Document, rate: float) -> dict[str, str | float]:
     }
 
 
-def check_keys(condition: Condition, known: Sequence[str]) -> None:
-    """Refuse a condition with a key that no document has.
+def meeting(documents: Sequence[Document], text: str, rate: float) -> list[bool]:
+    """Tell which documents meet a condition.
 
     Parameters
     ----------
-    condition : Condition
-    known : sequence of str
-        The keys of all documents together.
+    documents : sequence of Document
+        Those that are not live meet none.
+    text : str
+        By the grammar of this module.
+    rate : float
+        The store's, in Hz.
+
+    Returns
+    -------
+    list of bool
 
     Raises
     ------
     ParameterError
-        With the keys there are, and how to get more.
+        If it can't be understood, or asks for what no document has.
     """
+    condition = parse_where(text)
+    facts = [document_facts(document, rate) if document.live else None for document in documents]
+    known = dict.fromkeys(key for each in facts if each is not None for key in each)
     for key in condition.keys:
-        if key not in known:
+        if known and key not in known:
             raise ParameterError(
                 f"no document has '{shown(key)}'; there are {', '.join(map(shown, known))} "
                 "('index --name-pattern' takes more from the names)"
             )
+    return [each is not None and condition.holds(each) for each in facts]
 
 
 def name_regex(pattern: str) -> re.Pattern[str]:
@@ -275,8 +289,8 @@ def name_regex(pattern: str) -> re.Pattern[str]:
             f"'{shown(pattern)}' has no named groups, such as (?P<actor>[a-z]+)_(?P<take>[0-9]+)"
         )
     names = [name.lower() for name in regex.groupindex]
-    if len(set(names)) < len(names) or set(names) & set(BUILT_IN) - {"rate"}:
-        taken = ", ".join(key for key in BUILT_IN if key != "rate")
+    if len(set(names)) < len(names) or set(names) & TAKEN:
+        taken = ", ".join(sorted(TAKEN))
         raise ParameterError(f"'{shown(pattern)}': groups must differ, and not be called {taken}")
     return regex
 

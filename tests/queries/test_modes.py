@@ -12,74 +12,28 @@ from mocapidx.queries.adaptive import adaptive_hits
 from mocapidx.queries.evaluate import DocumentGroup, evaluate
 from mocapidx.queries.exact import exact_hits
 from mocapidx.queries.fuzzy import fuzzy_hits
-from mocapidx.queries.source import source_from_words
-from mocapidx.queries.steps import FuzzyQuery, FuzzySet, join_intersecting, steps_from_example
+from mocapidx.queries.mismatch import mismatch_hits
+from mocapidx.queries.steps import join_intersecting, steps_from_example
 from tests import naive_queries as naive
+from tests.made_queries import (
+    ALL,
+    ALL_WORDS,
+    BITS,
+    MASKS,
+    documents_and_examples,
+    documents_of_few_words,
+    fuzzy_sets,
+    query_of,
+    rows,
+    selections,
+    source_of,
+)
 
 pytestmark = pytest.mark.usefixtures("way")
-
-BITS = (0, 1, 2, 5, 6, 40, 63)  # of the features; neighbours, gaps and the last bit there is
-MASKS = {"upper": 0b111, "lower": 0b1100000, "mix": 1 << 40 | 1 << 63}
-ALL = sum(1 << bit for bit in BITS)
-
-
-def word_of(code):
-    return sum(1 << bit for i, bit in enumerate(BITS) if code >> i & 1)
-
-
-ALL_WORDS = [word_of(code) for code in range(1 << len(BITS))]
-
-
-def draws_of_words(codes):
-    """Documents of runs of few words, so that queries have hits."""
-    run = st.tuples(codes.map(word_of), st.integers(1, 3))
-    runs = st.lists(run, min_size=1, max_size=25)
-    return runs.map(lambda pairs: [word for word, size in pairs for _ in range(size)])
-
-
-vocabularies = st.lists(st.integers(0, 127), min_size=1, max_size=5).map(
-    lambda codes: st.sampled_from(codes)
-)
-documents_of_few_words = vocabularies.flatmap(
-    lambda codes: st.lists(draws_of_words(codes), min_size=1, max_size=4)
-)
-selections = st.integers(1, 127).map(word_of)
-cubes = st.tuples(st.integers(1, 127), st.integers(0, 127)).map(
-    lambda pair: (word_of(pair[0]), word_of(pair[0] & pair[1]))
-)
-fuzzy_sets = st.lists(cubes, min_size=1, max_size=4)
-
-
-def arrays(documents):
-    return [np.array(words, np.uint64) for words in documents]
-
-
-def source_of(documents, masks=MASKS):
-    return source_from_words(arrays(documents), masks)
-
-
-def query_of(steps):
-    return FuzzyQuery(tuple(FuzzySet(tuple(step)) for step in steps), np.ones(len(steps), np.int64))
-
-
-def rows(hits, source):
-    """Hits in positions as (document, bounds in frames)."""
-    documents = source.document_at(hits[:, 0])
-    frames = hits - source.first[documents, np.newaxis]
-    return [(d, *bounds) for d, bounds in zip(documents.tolist(), frames.tolist(), strict=True)]
 
 
 def touched(mask):
     return sum(part for part in MASKS.values() if part & mask)
-
-
-@st.composite
-def documents_and_examples(draw):
-    """Documents and a stretch of one of them."""
-    documents = draw(documents_of_few_words)
-    words = draw(st.sampled_from(documents))
-    start = draw(st.integers(0, len(words) - 1))
-    return documents, words[start : start + draw(st.integers(1, 12))]
 
 
 @settings(max_examples=60, deadline=None)
@@ -92,6 +46,47 @@ def test_exact_hits_are_those_of_the_definition(case, mask):
     expected = naive.exact_hits(values, mask, documents)
     assert rows(exact_hits(query, source), source) == expected
     assert rows(adaptive_hits(query, source), source) == expected
+
+
+@settings(max_examples=60, deadline=None)
+@given(documents_and_examples(), selections, st.data())
+def test_mismatch_hits_are_those_of_the_definition(case, mask, data):
+    documents, example = case
+    source = source_of(documents)
+    query = steps_from_example(np.array(example, np.uint64), mask)
+    count = len(query.steps)
+    mismatches = data.draw(st.integers(0, count - 1))
+    may_fail = data.draw(st.lists(st.booleans(), min_size=count, max_size=count))
+    steps = [step.cubes for step in query.steps]
+    expected = naive.mismatch_hits(steps, mask, documents, mismatches, may_fail)
+    found = mismatch_hits(query, source, mismatches, np.array(may_fail))
+    assert rows(found, source) == expected
+
+
+@settings(max_examples=40, deadline=None)
+@given(documents_of_few_words, st.lists(fuzzy_sets, min_size=2, max_size=4), st.data())
+def test_mismatch_hits_of_alternatives_are_those_of_the_definition(documents, sets, data):
+    query = join_intersecting(query_of(sets))
+    mismatches = data.draw(st.integers(0, len(query.steps) - 1))
+    steps = [step.cubes for step in query.steps]
+    expected = naive.mismatch_hits(steps, query.mask, documents, mismatches, [True] * len(steps))
+    source = source_of(documents)
+    assert rows(mismatch_hits(query, source, mismatches), source) == expected
+
+
+@settings(max_examples=50, deadline=None)
+@given(documents_and_examples(), selections)
+def test_a_query_without_mismatches_is_exact(case, mask):
+    documents, example = case
+    source = source_of(documents)
+    query = steps_from_example(np.array(example, np.uint64), mask)
+    assert mismatch_hits(query, source, 0).tolist() == exact_hits(query, source).tolist()
+
+
+def test_at_least_one_step_must_agree():
+    query = steps_from_example(np.array([1, 2], np.uint64), 0b111)
+    with pytest.raises(ParameterError, match="2 mismatches of 2 steps"):
+        mismatch_hits(query, source_of([[1, 2]]), 2)
 
 
 @settings(max_examples=50, deadline=None)
@@ -151,7 +146,7 @@ def test_joining_leaves_disjoint_neighbours_and_the_same_frames(sets):
     assert got.lengths.tolist() == lengths
 
 
-@pytest.mark.parametrize("mode", ["exact", "fuzzy", "adaptive"])
+@pytest.mark.parametrize("mode", ["exact", "fuzzy", "adaptive", "mismatch"])
 def test_no_hit_crosses_documents(mode):
     halves = [[1, 1, 2], [4, 4, 1, 2]]
     query = steps_from_example(np.array([1, 2, 4], np.uint64), 0b111)
@@ -182,7 +177,7 @@ def untouchable():
     raise AssertionError("read a sub-index that the query does not look at")
 
 
-@pytest.mark.parametrize("mode", ["exact", "fuzzy", "adaptive"])
+@pytest.mark.parametrize("mode", ["exact", "fuzzy", "adaptive", "mismatch"])
 @pytest.mark.parametrize("mask", [0b111, 0b1])
 def test_sub_indexes_that_are_not_selected_stay_closed(mode, mask):
     source = source_of([[1, 2, 64, 1]])
@@ -195,7 +190,7 @@ def test_sub_indexes_that_are_not_selected_stay_closed(mode, mask):
     assert len(evaluate(query, mode, source, [DocumentGroup(0, np.arange(1))])[0].bounds) == 2
 
 
-@pytest.mark.parametrize("mode", ["exact", "fuzzy", "adaptive"])
+@pytest.mark.parametrize("mode", ["exact", "fuzzy", "adaptive", "mismatch"])
 @pytest.mark.parametrize("masks", [{"all": 0b111}, {"low": 0b11, "high": 0b100}])
 def test_the_free_place_between_documents_is_no_frame_with_all_features(mode, masks):
     documents = [[7], [7, 7], [7], [0, 2], [7, 0, 2]]
