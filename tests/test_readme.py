@@ -57,15 +57,6 @@ def split(line):
     return line.split(",")
 
 
-def test_the_python_of_the_readme_runs(text, after_session, place):
-    (code,) = blocks(text, "python")
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=place, capture_output=True, text=True, timeout=60
-    )
-    assert done.returncode == 0, done.stderr
-    assert len(done.stdout.splitlines()) == 3
-
-
 def shown_commands():
     for page in PAGES:
         text = page.read_text(encoding="utf-8").replace("\\\n", " ")
