@@ -12,12 +12,15 @@ if TYPE_CHECKING:
     from mocapidx.features.featureset import FeatureSet, load_feature_set
     from mocapidx.model import Hit, Motion
     from mocapidx.store.read import Snapshot as Store
+    from mocapidx.tasks.align import align_motions
     from mocapidx.tasks.annotate import annotate_motion
     from mocapidx.tasks.index import compact_store, index_files
     from mocapidx.tasks.info import document_info, store_info
     from mocapidx.tasks.learn import learn_classes
+    from mocapidx.tasks.learn_thresholds import learn_feature
     from mocapidx.tasks.query import query_store
     from mocapidx.tasks.read import read_motion, skeleton_report
+    from mocapidx.tasks.reindex import reindex_store
     from mocapidx.tasks.retrieve import retrieve
     from mocapidx.tasks.verify import verify_store
     from mocapidx.templates.file import load_templates
@@ -29,16 +32,19 @@ __all__ = [
     "Motion",
     "MotionTemplate",
     "Store",
+    "align_motions",
     "annotate_motion",
     "compact_store",
     "document_info",
     "extract_features",
     "index_files",
     "learn_classes",
+    "learn_feature",
     "load_feature_set",
     "load_templates",
     "query_store",
     "read_motion",
+    "reindex_store",
     "retrieve",
     "skeleton_report",
     "store_info",
@@ -51,16 +57,19 @@ _HOMES = {
     "Motion": "model:Motion",
     "MotionTemplate": "templates.template:MotionTemplate",
     "Store": "store.read:Snapshot",
+    "align_motions": "tasks.align:align_motions",
     "annotate_motion": "tasks.annotate:annotate_motion",
     "compact_store": "tasks.index:compact_store",
     "document_info": "tasks.info:document_info",
     "extract_features": "features.extract:extract_features",
     "index_files": "tasks.index:index_files",
     "learn_classes": "tasks.learn:learn_classes",
+    "learn_feature": "tasks.learn_thresholds:learn_feature",
     "load_feature_set": "features.featureset:load_feature_set",
     "load_templates": "templates.file:load_templates",
     "query_store": "tasks.query:query_store",
     "read_motion": "tasks.read:read_motion",
+    "reindex_store": "tasks.reindex:reindex_store",
     "retrieve": "tasks.retrieve:retrieve",
     "skeleton_report": "tasks.read:skeleton_report",
     "store_info": "tasks.info:store_info",
