@@ -146,7 +146,7 @@ def query_auto(
         answer = _ranked(area, pattern)
         if feedback and settings.poses:
             answer = _sharpened(area, answer, shot, signed, sigma, feature_set)
-        if feedback and not answer.accepted:
+        if feedback and settings.poses and not answer.accepted:
             remarks.append("no hit was near enough to sharpen the template with")
         if learn is not None:
             learn_from_hits(learn, shot, snapshot, answer.accepted)
@@ -214,8 +214,10 @@ def _remarks(
             "they have no weight"
         )
     if not snapshot.manifest.settings.poses:
-        without = "feedback and " if feedback else ""
-        remarks.append(f"the store keeps no poses: there is no {without}measure of its own people")
+        lost = "there is no feedback, and " if feedback else ""
+        remarks.append(
+            f"the store keeps no poses, so {lost}how people differ is not measured on it"
+        )
     left_out: dict[int, int] = {}
     for placed in snapshot.documents():
         if mask := untrusted_mask(placed.document) & ~shot.untrusted:

@@ -17,7 +17,7 @@ from mocapidx.templates.oneshot import Pattern, match_pattern, pattern_hits
 
 __all__ = ["Area", "Ranking", "by_name", "choose_area", "median_cost", "rank"]
 
-MOST_CELLS: Final = 2_000_000_000
+MOST_CELLS: Final = 1_000_000_000
 """Rows of the pattern times frames of the store; about ten seconds. Beyond, a coarse scan."""
 
 COARSE: Final = 4

@@ -193,10 +193,12 @@ def local_minima(costs: CostArray, bounds: IndexArray) -> IndexArray:
     ndarray of int64
         Ascending; frames of infinite cost are not among them.
     """
-    edges = np.flatnonzero(costs[1:] != costs[:-1]) + 1
-    firsts = np.unique(np.concatenate((edges, bounds[:-1])))
-    values = costs[firsts]
-    opens = np.isin(firsts, bounds[:-1], assume_unique=True)
+    opening = np.zeros(len(costs), dtype=np.bool_)
+    opening[bounds[:-1]] = True
+    changes = opening.copy()
+    changes[1:] |= costs[1:] != costs[:-1]
+    firsts = np.flatnonzero(changes)
+    values, opens = costs[firsts], opening[firsts]
     falls = opens | np.concatenate(([True], values[:-1] > values[1:]))
     rises = np.concatenate((opens[1:] | (values[1:] > values[:-1]), [True]))
     return firsts[falls & rises & np.isfinite(values)]

@@ -17,7 +17,8 @@ from mocapidx.errors import ParameterError
 from mocapidx.model import BoolArray, FloatArray, IndexArray, WordArray
 from mocapidx.templates.layout import lay_out
 from mocapidx.templates.learn import warp
-from mocapidx.templates.match import Hits, local_minima, merge_hits
+from mocapidx.templates.match import SHARED, Hits, local_minima
+from mocapidx.templates.overlaps import best_of_overlapping
 
 __all__ = [
     "ACCEPTED",
@@ -238,7 +239,11 @@ def pattern_hits(matching: PatternMatching) -> Hits:
     Hits
         As `mocapidx.templates.match.find_hits` has them, whatever they cost.
     """
-    return merge_hits([_hits_at(matching, local_minima(matching.costs, matching.bounds))])
+    minima = local_minima(matching.costs, matching.bounds)
+    minima = minima[np.argsort(matching.costs[minima], kind="stable")]
+    hits = _hits_at(matching, minima)
+    kept = best_of_overlapping(hits.documents, hits.starts, hits.ends, SHARED)
+    return Hits(hits.documents[kept], hits.starts[kept], hits.ends[kept], hits.costs[kept])
 
 
 def lowest_places(matching: PatternMatching) -> Hits:
