@@ -34,6 +34,8 @@ HEADINGS: Final = {
     "end_time": "end s",
     "source_start_frame": "from frame",
     "source_end_frame": "to frame",
+    "source_frames": "frames",
+    "source_rate_hz": "Hz",
 }
 """Column heads of tables where the key with blanks for underscores would be too wide."""
 
@@ -149,6 +151,8 @@ def _left_out(columns: Sequence[str]) -> frozenset[str]:
 def _table_cell(value: object) -> str:
     if value is None:
         return "-"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
     if isinstance(value, float):
         return f"{value:.3f}"
     return shown(str(value))

@@ -46,6 +46,12 @@ def test_a_label_is_shown_where_rows_are_not_ranked():
     ]
 
 
+def test_yes_and_no_are_words_for_people_and_true_and_false_for_programs():
+    records = [{"sure": True}, {"sure": False}]
+    assert list(render_records(records, "table", ["sure"])) == ["sure", " yes", "  no"]
+    assert list(render_records(records, "jsonl", ["sure"])) == ['{"sure": true}', '{"sure": false}']
+
+
 @pytest.mark.parametrize("row_format", ["table", "csv"])
 def test_names_can_not_break_a_line(row_format):
     record = {"document": "a\nb\x1b[2J", "label": "=1+1"}
