@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from .options import quiet_option, read_options, reading_options
+from .options import NumberRange, quiet_option, read_options, reading_options
 from .rows import note, print_rows, row_options, warn
 
 __all__ = ["align"]
@@ -28,7 +28,7 @@ __all__ = ["align"]
 )
 @click.option(
     "--margin",
-    type=click.FloatRange(min=0),
+    type=NumberRange(min=0),
     default=0.1,
     show_default=True,
     metavar="SECONDS",
@@ -51,7 +51,7 @@ __all__ = ["align"]
 )
 @click.option(
     "--rate",
-    type=click.FloatRange(1, 1000),
+    type=NumberRange(1, 1000),
     default=30.0,
     show_default=True,
     metavar="HZ",

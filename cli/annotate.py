@@ -8,7 +8,7 @@ import click
 if TYPE_CHECKING:
     from mocapidx.tasks.annotate import Annotated
 
-from .options import jobs_option, quiet_option, read_options, reading_options
+from .options import NumberRange, jobs_option, quiet_option, read_options, reading_options
 from .progress import Bar
 from .rows import note, print_rows, row_options, warn
 
@@ -59,7 +59,7 @@ OVERLAPS = ("rivals", "keep")
 )
 @click.option(
     "--tau",
-    type=click.FloatRange(min=0, min_open=True),
+    type=NumberRange(min=0, min_open=True),
     metavar="COST",
     help="hits: one threshold for all classes.  [default: each class's own, else 0.06]",
 )

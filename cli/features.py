@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from .options import read_options, reading_options
+from .options import NumberRange, read_options, reading_options
 from .rows import print_rows, row_options
 
 __all__ = ["features"]
@@ -23,7 +23,7 @@ set_option = click.option(
 )
 rate_option = click.option(
     "--rate",
-    type=click.FloatRange(1, 1000),
+    type=NumberRange(1, 1000),
     default=30.0,
     show_default=True,
     metavar="HZ",
@@ -129,9 +129,9 @@ def check(
 )
 @set_option
 @click.option("--document", metavar="NAME", help="The document, where MOTION is a store.")
-@click.option("--start", type=click.FloatRange(min=0), metavar="SECONDS", help="From here.")
+@click.option("--start", type=NumberRange(min=0), metavar="SECONDS", help="From here.")
 @click.option(
-    "--end", type=click.FloatRange(min=0, min_open=True), metavar="SECONDS", help="Up to here."
+    "--end", type=NumberRange(min=0, min_open=True), metavar="SECONDS", help="Up to here."
 )
 @rate_option
 @click.option(

@@ -11,7 +11,14 @@ from mocapidx.printable import shown
 if TYPE_CHECKING:
     from mocapidx.tasks.index import IndexSummary
 
-from .options import jobs_option, lock_options, quiet_option, read_options, reading_options
+from .options import (
+    NumberRange,
+    jobs_option,
+    lock_options,
+    quiet_option,
+    read_options,
+    reading_options,
+)
 from .progress import Bar
 from .rows import count, note, warn
 
@@ -32,7 +39,7 @@ SKIPPED = 5  # exit code: done, but some inputs were skipped
 )
 @click.option(
     "--rate",
-    type=click.FloatRange(1, 1000),
+    type=NumberRange(1, 1000),
     default=30.0,
     show_default=True,
     metavar="HZ",

@@ -8,7 +8,7 @@ import click
 if TYPE_CHECKING:
     from mocapidx.tasks.learn import LearnedClass
 
-from .options import jobs_option, quiet_option, store_argument
+from .options import NumberRange, jobs_option, quiet_option, store_argument
 from .progress import Bar
 from .rows import note
 
@@ -49,7 +49,7 @@ REPETITIONS = ("none", "auto")
 )
 @click.option(
     "--delta",
-    type=click.FloatRange(0, 0.5, min_open=True, max_open=True),
+    type=NumberRange(0, 0.5, min_open=True, max_open=True),
     default=0.1,
     show_default=True,
     help="Share of examples that may disagree about an entry that still counts.",

@@ -1,5 +1,6 @@
 """Options with one meaning in every command."""
 
+import math
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -11,6 +12,7 @@ if TYPE_CHECKING:
     from mocapidx.tasks.read import ReadOptions
 
 __all__ = [
+    "NumberRange",
     "jobs_option",
     "lock_options",
     "quiet_option",
@@ -20,6 +22,18 @@ __all__ = [
 ]
 
 Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+class NumberRange(click.FloatRange):
+    """A number between bounds; NaN, which no comparison keeps out, is none."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Read the number as click does, and refuse NaN."""
+        number = super().convert(value, param, ctx)
+        if math.isnan(number):
+            self.fail(f"{value!r} is not a number.", param, ctx)
+        return number
+
 
 store_argument = click.argument("store", type=click.Path(path_type=Path))
 quiet_option = click.option("--quiet", is_flag=True, help="Say nothing but errors.")
@@ -43,7 +57,7 @@ def lock_options(command: Command) -> Command:
     )(command)
     return click.option(
         "--lock-timeout",
-        type=click.FloatRange(min=0),
+        type=NumberRange(min=0),
         default=0.0,
         show_default=True,
         metavar="SECONDS",
@@ -80,7 +94,7 @@ READING = (
     ),
     click.option(
         "--source-rate",
-        type=click.FloatRange(min=0, min_open=True),
+        type=NumberRange(min=0, min_open=True),
         metavar="HZ",
         help="Rate of AMC files that don't say.  [default: from the name, else 120]",
     ),
@@ -92,7 +106,7 @@ READING = (
     ),
     click.option(
         "--unit",
-        type=click.FloatRange(min=0, min_open=True),
+        type=NumberRange(min=0, min_open=True),
         metavar="METRES",
         help="Metres in one unit of the file.  [default: detected]",
     ),

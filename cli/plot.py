@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from .options import read_options, reading_options
+from .options import NumberRange, read_options, reading_options
 
 __all__ = ["plot"]
 
@@ -56,7 +56,7 @@ def plot() -> None:
 @labels_option
 @click.option(
     "--tau",
-    type=click.FloatRange(min=0, min_open=True),
+    type=NumberRange(min=0, min_open=True),
     help="Threshold of all classes.  [default: the class's own, else 0.06]",
 )
 @click.option(

@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from .options import quiet_option, store_argument
+from .options import NumberRange, quiet_option, store_argument
 from .rows import note, print_rows, row_options
 
 __all__ = ["retrieve"]
@@ -24,13 +24,13 @@ STEPS = ("weighted", "printed")
 @click.option("--class", "label", required=True, metavar="NAME", help="The class to find.")
 @click.option(
     "--tau",
-    type=click.FloatRange(min=0, min_open=True),
+    type=NumberRange(min=0, min_open=True),
     metavar="COST",
     help="Hits cost less than this; rivals are then off.  [default: the class's own, else 0.06]",
 )
 @click.option(
     "--delta",
-    type=click.FloatRange(0, 0.5, min_open=True, max_open=True),
+    type=NumberRange(0, 0.5, min_open=True, max_open=True),
     help="Share of examples that may disagree about an entry that still counts."
     "  [default: the template's]",
 )

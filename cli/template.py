@@ -6,6 +6,7 @@ from typing import Any, TypeVar
 
 import click
 
+from .options import NumberRange
 from .rows import note, print_rows, row_options
 
 __all__ = ["template"]
@@ -165,11 +166,11 @@ def combine(templates: Path, labels: tuple[str, ...], new_label: str, output: Pa
     help="Ids such as F27,F28 or the sets upper, lower, mix, all.",
 )
 @click.option(
-    "--start", type=click.FloatRange(min=0), metavar="SECONDS", help="From here.  [default: 0]"
+    "--start", type=NumberRange(min=0), metavar="SECONDS", help="From here.  [default: 0]"
 )
 @click.option(
     "--end",
-    type=click.FloatRange(min=0, min_open=True),
+    type=NumberRange(min=0, min_open=True),
     metavar="SECONDS",
     help="Up to here.  [default: end of the template]",
 )
