@@ -162,8 +162,10 @@ def write_error(
         return WriteError(
             f"no space left on {_mount(path)} for {subject}: {', '.join(limits)}; {unchanged}"
         )
-    if error.errno in (errno.ENOENT, errno.ENOTDIR):
-        return ParameterError(f"{subject}: there is no folder {path.parent}; make it first")
+    folder = Path(os.path.realpath(path)).parent
+    if error.errno in (errno.ENOENT, errno.ENOTDIR) and not folder.is_dir():
+        named = folder if path.is_symlink() else path.parent
+        return ParameterError(f"{subject}: there is no folder {named}; make it first")
     if error.errno == errno.EISDIR:
         return ParameterError(f"{subject}: is a folder, expected a file")
     if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):

@@ -1,6 +1,7 @@
 import errno
 import os
 import stat
+from pathlib import Path
 
 import pytest
 
@@ -149,3 +150,13 @@ def test_a_name_as_long_as_a_file_system_allows_is_no_trouble(tmp_path):
     path = tmp_path / ("n" * 255)
     durable_replace(path, b"after")
     assert path.read_bytes() == b"after"
+
+
+def test_the_folder_that_is_named_is_the_one_that_is_missing(tmp_path):
+    (tmp_path / "link").symlink_to(tmp_path / "nowhere" / "file")
+    for path in (tmp_path / "link", tmp_path / "nowhere" / "file"):
+        with pytest.raises(ParameterError, match=f"there is no folder {tmp_path / 'nowhere'};"):
+            durable_replace(path, b"x")
+    if Path("/proc").is_dir():
+        with pytest.raises(WriteError, match="/proc/x: could not be written"):
+            durable_replace(Path("/proc/x"), b"x")

@@ -3,11 +3,14 @@
 import csv
 import io
 import json
+import os
+import stat
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final, TypeAlias
 
 from mocapidx.durable import durable_replace
+from mocapidx.errors import WriteError
 from mocapidx.model import Hit
 from mocapidx.printable import shown
 
@@ -159,11 +162,34 @@ def _table_cell(value: object) -> str:
 
 
 def save_text(lines: Iterable[str], path: Path) -> None:
-    """Write lines to a file that is whole or not there.
+    """Write lines to a file that is whole or not there, or else to a pipe or a device.
 
     Raises
     ------
     WriteError
-        If the file could not be written; one that was there before is unchanged.
+        If they could not be written; a file that was there before is unchanged.
+    BrokenPipeError
+        If nobody reads the pipe any more.
     """
-    durable_replace(path, (f"{line}\n".encode() for line in lines))
+    data = (f"{line}\n".encode() for line in lines)
+    if not _is_stream(path):
+        durable_replace(path, data)
+        return
+    try:
+        with path.open("wb") as stream:
+            stream.writelines(data)
+    except BrokenPipeError:
+        raise
+    except OSError as exc:
+        raise WriteError(
+            f"{shown(path, None)}: could not be written ({(exc.strerror or '').lower()})"
+        ) from exc
+
+
+def _is_stream(path: Path) -> bool:
+    """Whether there is something that can't be replaced, such as a pipe or ``/dev/null``."""
+    try:
+        mode = os.stat(path).st_mode
+    except OSError:
+        return False
+    return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))

@@ -1,11 +1,15 @@
 import csv
 import io
 import json
+import os
+import subprocess
+from pathlib import Path
 
 import pytest
 
+from mocapidx.errors import WriteError
 from mocapidx.model import Hit
-from mocapidx.tasks.records import HIT_COLUMNS, hit_record, render_records
+from mocapidx.tasks.records import HIT_COLUMNS, hit_record, render_records, save_text
 
 HIT = Hit("kick/ann.amc", 10, 25, 1 / 3, 5 / 6, 40, 100, 0.12345, "kick")
 
@@ -56,3 +60,21 @@ def test_yes_and_no_are_words_for_people_and_true_and_false_for_programs():
 def test_names_can_not_break_a_line(row_format):
     record = {"document": "a\nb\x1b[2J", "label": "=1+1"}
     assert len(list(render_records([record], row_format, list(record)))) == 2
+
+
+def test_a_file_is_written_whole_and_a_pipe_or_a_device_as_it_comes(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with subprocess.Popen(["cat", pipe], stdout=subprocess.PIPE) as reader:
+        save_text(["one", "two"], pipe)
+        assert reader.stdout.read() == b"one\ntwo\n"
+    save_text(["one"], Path(os.devnull))
+    save_text(["one"], tmp_path / "file")
+    assert (tmp_path / "file").read_text() == "one\n"
+    assert sorted(os.listdir(tmp_path)) == ["file", "pipe"]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no /dev/full")
+def test_a_full_device_is_an_error_of_writing():
+    with pytest.raises(WriteError, match=r"/dev/full: could not be written .no space left"):
+        save_text(["one"], Path("/dev/full"))
