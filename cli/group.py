@@ -2,6 +2,7 @@
 
 import errno
 import importlib
+import os
 from typing import Any
 
 import click
@@ -103,7 +104,9 @@ def one_line(error: click.ClickException) -> str:
 
 
 def place(error: OSError) -> str:
-    """Say where the system refused something; only our own output has no name."""
+    """Say where the system refused something; what has no name is the folder or our output."""
     if error.filename:
-        return f"{error.filename}: "
+        return f"{os.fsdecode(error.filename)}: "
+    if isinstance(error, FileNotFoundError):
+        return "the working directory: "
     return "could not write to the standard output: " if error.errno in OUTPUT_ERRORS else ""

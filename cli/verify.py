@@ -1,10 +1,13 @@
 """The command `verify`."""
 
+import os
+import sys
 from pathlib import Path
 
 import click
 
 from mocapidx.errors import StoreError
+from mocapidx.printable import shown
 
 from .options import lock_options, quiet_option, store_argument
 from .rows import count, note
@@ -47,7 +50,8 @@ def verify(
     for path in report.set_aside:
         note(f"{path}: set aside", quiet)
     for path in report.lost:
-        click.echo(path)  # for `xargs mocapidx index`
+        # for `xargs mocapidx index` byte by byte, but not to a terminal
+        click.echo(shown(path, None) if sys.stdout.isatty() else os.fsencode(path))
     if not report.problems:
         megabytes = report.size / 1e6
         note(f"{store}: sound; {count(report.documents, 'document')}, {megabytes:.1f} MB", quiet)
