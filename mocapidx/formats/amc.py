@@ -5,6 +5,7 @@ read as one table; whatever differs is read line by line, which also finds what 
 """
 
 import math
+import os
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -59,6 +60,8 @@ def find_skeleton(path: Path) -> Path:
     for skeletons in found:
         if len(skeletons) == 1:
             return skeletons[0]
+    if not os.path.lexists(path):
+        raise FormatError(f"{place(path)}: no such file")
     count = sum(map(len, found))
     raise FormatError(
         f"{place(path)}: expects SKELETON.asf in its folder or the one above, found "

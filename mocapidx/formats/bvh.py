@@ -82,9 +82,8 @@ class _Bvh:
         columns = [(i, k) for i, n in enumerate(self.nodes) for k in n.channels or ()]
         values = self._read_rows(len(columns))
         if len(values) != frames:
-            raise self._error(
-                f"says {frames} frames, has {len(values)}; is the file cut off?", line=None
-            )
+            hint = "; is the file cut off?" if len(values) < frames else ""
+            raise self._error(f"says {frames} frames, has {len(values)}{hint}", line=None)
         kinds = np.array([k for _, k in columns], dtype=np.int64)
         values *= np.where(kinds >= 3, np.pi / 180, 1.0)
         skeleton = Skeleton(

@@ -216,7 +216,8 @@ def load_joint_map(path: Path) -> JointMap:
     where = shown(path, None)
     try:
         if not path.is_file():
-            raise FeatureSetError(f"{where}: no such file; expected a joint map in TOML")
+            found = "is no plain file" if path.exists() else "no such file"
+            raise FeatureSetError(f"{where}: {found}; expected a joint map in TOML")
         with path.open("rb") as file:
             data = file.read(LARGEST + 1)
         if len(data) > LARGEST:

@@ -202,6 +202,8 @@ def test_the_skeleton_is_found_by_name_or_because_it_is_the_only_one(
 
 def test_without_a_skeleton_the_message_says_what_is_expected(tmp_path):
     folder = tmp_path / "takes"
+    with pytest.raises(FormatError, match=r"13_29\.amc: no such file"):
+        find_skeleton(folder / "13_29.amc")
     touched(folder, "13_29.amc")
     with pytest.raises(FormatError, match=r"13_29\.amc: expects SKELETON\.asf .* found none"):
         find_skeleton(folder / "13_29.amc")
