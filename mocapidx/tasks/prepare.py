@@ -3,7 +3,8 @@
 import hashlib
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
@@ -17,10 +18,10 @@ from mocapidx.features.words import pack_words
 from mocapidx.formats.registry import sources_of
 from mocapidx.model import WordArray
 from mocapidx.printable import shown
-from mocapidx.skeleton.resample import resample_motion
+from mocapidx.skeleton.resample import resample_motion, resampled_frames
 from mocapidx.store.manifest import Document, Rig
 from mocapidx.tasks.hits import SOURCE_START
-from mocapidx.tasks.read import Reading, ReadOptions, read_take
+from mocapidx.tasks.read import Limits, Reading, ReadOptions, read_take
 from mocapidx.tasks.segment_sources import UNTRUSTED
 from mocapidx.tasks.sources import Source
 from mocapidx.tasks.stored import REST, kept_rest
@@ -135,6 +136,9 @@ def prepare(job: Job) -> Outcome:
         if _is_same(job, digest):
             return Unchanged(job.source.name)
         reading = read_take(path, job.options)
+        length = len(reading.motion.positions)
+        frames = resampled_frames(length, reading.motion.rate, job.rate)
+        job.options.limits.check_frames(frames, path)
     except FormatError as exc:
         return Refused(job.source.name, str(exc))
     if [_stamp(source) for source in sources] != stamps:
@@ -196,8 +200,19 @@ def _rig(
 
 
 def _told(options: ReadOptions) -> str:
-    """Put the options into words, to see later whether they have changed."""
-    return repr(options)
+    """Put into words what the user says about files, to see later whether it has changed."""
+    joint_map = options.joint_map
+    return _in_words(options, () if joint_map is None else tuple(_stamp(joint_map)))
+
+
+@lru_cache(maxsize=8)
+def _in_words(options: ReadOptions, stamp: tuple[int, ...]) -> str:
+    """Where its files are counts, not how that was said; limits change nothing that is read."""
+    skeleton = options.skeleton and Path(os.path.abspath(options.skeleton))
+    words = repr(replace(options, skeleton=skeleton, joint_map=None, limits=Limits()))
+    if options.joint_map is None:
+        return words
+    return f"{words}, joint map {_digest((options.joint_map,))}"
 
 
 def _stamp(path: Path) -> list[int]:

@@ -7,7 +7,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from mocapidx.errors import ParameterError
+from mocapidx.errors import FormatError, ParameterError
 from mocapidx.formats.registry import is_motion_file, read_recording, sources_of
 from mocapidx.formats.text import Limits, place
 from mocapidx.model import FloatArray, Motion, Recording
@@ -35,6 +35,7 @@ RateOrigin = Literal["option", "file", "name", "assumed"]
 
 ASSUMED_RATE: Final = 120.0  # Hz: CMU's and HDM05's
 # Takes are numbered in the same place (13_29), so only rates that cameras have count.
+SLOW_RATE, SLOW_HOURS = 7.5, 0.5  # a quarter of a store's usual rate
 RATE_IN_NAME: Final = re.compile(r"_(100|120|150|180|200|240|250|300|360|400|480|500)\Z")
 
 
@@ -164,7 +165,18 @@ def _read(path: Path, options: ReadOptions) -> tuple[Reading, Recording, Mapping
         made=conventions.made,
     )
     frames = len(recording.values)
+    _check_time(path, motion)
     return Reading(motion, conventions, sources, frames, start, origin), recording, mapping
+
+
+def _check_time(path: Path, motion: Motion) -> None:
+    """Refuse hours of hardly any frames, which a small file can claim and no camera makes."""
+    hours = len(motion.positions) / motion.rate / 3600
+    if motion.rate < SLOW_RATE and hours > SLOW_HOURS:
+        raise FormatError(
+            f"{place(path)}: {hours:.1f} hours of {motion.rate:g} frames a second; expected at "
+            f"least {SLOW_RATE:g} frames a second in takes of more than half an hour"
+        )
 
 
 def _in_metres(positions: FloatArray, conventions: Conventions) -> FloatArray:

@@ -22,9 +22,11 @@ from mocapidx.features.words import pack_words
 from mocapidx.store.read import open_store
 from mocapidx.store.write import writing
 from mocapidx.tasks import index as index_task
+from mocapidx.tasks import prepare as prepare_task
 from mocapidx.tasks.index import IndexOptions, compact_store, index_files
 from mocapidx.tasks.query import query_store
-from mocapidx.tasks.read import ReadOptions, read_motion
+from mocapidx.tasks.read import Limits, ReadOptions, read_motion
+from tests.small_files import PERSON, bvh_text, person_rows
 
 PROGRAM = Path(sys.executable).parent / "mocapidx"
 
@@ -309,3 +311,91 @@ def test_a_run_that_is_killed_anywhere_is_finished_by_the_next(takes, tmp_path):
             assert set(names(store)) <= set(names(tmp_path / "clean.store"))
     index_files([takes], store)
     assert contents(store) == contents(tmp_path / "clean.store")
+
+
+def test_limits_and_ways_to_say_where_a_skeleton_is_change_nothing(takes, tmp_path, monkeypatch):
+    store = tmp_path / "s.store"
+    skeleton = sorted(takes.glob("*.asf"))[0]
+    first = IndexOptions(read=ReadOptions(skeleton=skeleton, source_rate=120.0))
+    assert index_files([takes], store, first).added == 9
+    monkeypatch.chdir(takes)
+    limits = Limits(max_frames=99_999)
+    told = ReadOptions(skeleton=Path(skeleton.name), source_rate=120.0, limits=limits)
+    assert index_files(["."], store, IndexOptions(read=told)).unchanged == 9
+
+
+def test_a_joint_map_that_has_changed_reads_the_files_again(tmp_path):
+    (tmp_path / "takes").mkdir()
+    (tmp_path / "takes" / "a.bvh").write_text(bvh_text(PERSON, person_rows(8)))
+    joint_map = tmp_path / "map.toml"
+    shipped = Path(index_task.__file__).parents[1] / "skeleton" / "maps" / "humanik.toml"
+    joint_map.write_bytes(shipped.read_bytes())
+    options = IndexOptions(read=ReadOptions(joint_map=joint_map))
+    for text, changed in ((b"", 0), (b"", 0), (b"# more\n", 1), (b"", 0)):
+        joint_map.write_bytes(joint_map.read_bytes() + text)
+        assert index_files([tmp_path / "takes"], tmp_path / "s.store", options).changed == changed
+
+
+def test_a_take_that_grows_beyond_the_limit_at_the_rate_of_the_store_is_refused(tmp_path):
+    take = tmp_path / "a.bvh"
+    take.write_text(bvh_text(PERSON, person_rows(31), frame_time="0.1"))
+    limited = ReadOptions(limits=Limits(max_frames=90))
+    with pytest.raises(FormatError, match="more than 90 frames; --max-frames"):
+        index_files([take], tmp_path / "s.store", IndexOptions(read=limited))
+    index_files([take], tmp_path / "s.store", IndexOptions(read=limited, rate=10.0))
+
+
+def test_another_working_directory_or_a_detour_changes_nothing(takes, tmp_path, monkeypatch):
+    index_files([takes], tmp_path / "s.store")
+    for folder, given, store in (
+        (tmp_path, "takes", "s.store"),
+        (takes, ".", "../s.store"),
+        (takes / "walk", "../../takes/squat/..", "../../s.store"),
+    ):
+        monkeypatch.chdir(folder)
+        assert index_files([given], store).unchanged == 9
+
+
+def test_a_file_given_twice_or_beside_its_folder_is_one_document(takes, tmp_path):
+    clip = sorted((takes / "squat").glob("*.amc"))[0]
+    options = IndexOptions(root=takes)
+    assert index_files([takes, takes, clip, clip], tmp_path / "s.store", options).added == 9
+
+
+def test_a_store_among_its_takes_is_passed_over(takes):
+    store = takes / "in.store"
+    assert index_files([takes], store).added == 9
+    assert index_files([takes], store).unchanged == 9
+
+
+def test_a_file_that_goes_away_before_its_turn_is_refused(takes, tmp_path):
+    victim = sorted((takes / "walk").glob("*.amc"))[-1]
+
+    def losing(function, items):
+        for item in items:
+            victim.unlink(missing_ok=True)
+            yield function(item)
+
+    options = IndexOptions(skip_bad=True)
+    summary = index_files([takes], tmp_path / "s.store", options, map_fn=losing)
+    assert [refused.name for refused in summary.refused] == [f"walk/{victim.name}"]
+    assert "no such file" in summary.refused[0].message
+    assert summary.added == 8
+
+
+def test_a_file_that_is_written_while_it_is_read_is_refused(takes, tmp_path, monkeypatch):
+    victim = sorted((takes / "walk").glob("*.amc"))[-1]
+    read_take = prepare_task.read_take
+
+    def growing(path, options):
+        reading = read_take(path, options)
+        if path == victim:
+            os.utime(path, ns=(1, 1))
+        return reading
+
+    monkeypatch.setattr(prepare_task, "read_take", growing)
+    options = IndexOptions(skip_bad=True)
+    (refused,) = index_files([takes], tmp_path / "s.store", options).refused
+    assert "changed while it was read" in refused.message
+    monkeypatch.undo()
+    assert index_files([takes], tmp_path / "s.store", options).added == 1

@@ -238,3 +238,12 @@ def test_a_person_stands_on_the_floor_and_walks_where_he_faces(name):
     speed = np.diff(joints["root"], axis=0) * reading.motion.rate
     forwards = np.sum(speed * front[1:], axis=1).mean()
     assert forwards > 0.6 * np.linalg.norm(speed[:, [0, 2]], axis=1).mean()
+
+
+def test_hours_of_hardly_any_frames_are_refused(tmp_path):
+    path = tmp_path / "a.bvh"
+    path.write_text(bvh_text(PERSON, person_rows(181), frame_time="10"))
+    with pytest.raises(FormatError, match=r"a\.bvh: 0\.5 hours of 0\.1 frames a second"):
+        read_take(path)
+    path.write_text(bvh_text(PERSON, person_rows(180), frame_time="10"))
+    assert read_take(path).motion.rate == 0.1
