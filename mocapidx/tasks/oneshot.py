@@ -7,10 +7,11 @@ from typing import Final
 
 from mocapidx.features.featureset import FeatureSet
 from mocapidx.model import FloatArray, Hit, IndexArray
+from mocapidx.printable import shown
 from mocapidx.store.read import Snapshot, open_store
 from mocapidx.tasks.hits import make_hit
 from mocapidx.tasks.oneshot_example import ExampleShot, read_example
-from mocapidx.tasks.oneshot_learn import learn_from_hits
+from mocapidx.tasks.oneshot_learn import learn_from_hits, stretch_name
 from mocapidx.tasks.oneshot_scan import Area, Ranking, choose_area, median_cost, rank
 from mocapidx.tasks.query_example import Example
 from mocapidx.tasks.read import ReadOptions
@@ -150,6 +151,8 @@ def query_auto(
             remarks.append("no hit was near enough to sharpen the template with")
         if learn is not None:
             learn_from_hits(learn, shot, snapshot, answer.accepted)
+            examples = ", ".join([shot.name, *map(stretch_name, answer.accepted)])
+            remarks.append(f"the template is learned from {shown(examples, None)}")
         hits = _hits(area, answer.ranking, slice(top), shot.label)
     sure = answer.ranking.costs[:top] <= SURE * answer.median
     return AutoFound(

@@ -16,7 +16,7 @@ from mocapidx.templates.file import save_templates
 from mocapidx.templates.template import DELTA, TemplateSet
 from mocapidx.templates.thresholds import Clip
 
-__all__ = ["learn_from_hits"]
+__all__ = ["learn_from_hits", "stretch_name"]
 
 
 def learn_from_hits(
@@ -50,7 +50,7 @@ def learn_from_hits(
             Clip(example.words, example.untrusted),
             *(_clip(snapshot, places[hit.document], hit) for hit in hits),
         ),
-        names=(example.name, *map(_name, hits)),
+        names=(example.name, *map(stretch_name, hits)),
         groups=(example.name, *(hit.document for hit in hits)),
         others=(),
         background=(),
@@ -77,5 +77,6 @@ def _clip(snapshot: Snapshot, placed: Placed, hit: Hit) -> Clip:
     return Clip(words, untrusted_mask(placed.document))
 
 
-def _name(hit: Hit) -> str:
+def stretch_name(hit: Hit) -> str:
+    """Name where a hit lies, in seconds: ``document@start:end``."""
     return f"{hit.document}@{hit.start_time:g}:{hit.end_time:g}"

@@ -241,3 +241,28 @@ def test_features_that_documents_cannot_tell_have_no_weight(clips, tmp_path):
     found = query_auto(path, example(clips, "squat"))
     assert any("in 2 documents F1, F2, F3 has no weight" in remark for remark in found.remarks)
     assert {hit.document for hit in found.hits} == set(documents)
+
+
+def test_one_real_clip_finds_the_class_in_other_people(real_data, tmp_path):
+    clips = sorted((real_data / "hdm05").glob("*/*.amc"))
+    asked = {clip.parent.name: clip for clip in reversed(clips) if "_bd_" in clip.name}
+    for clip in clips:
+        if "_bd_" not in clip.name:
+            target = tmp_path / "clips" / clip.parent.name / clip.name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(clip, target)
+    for skeleton in (real_data / "hdm05").glob("*.asf"):
+        shutil.copyfile(skeleton, tmp_path / "clips" / skeleton.name)
+    index_files([tmp_path / "clips"], tmp_path / "s.store")
+    precisions = []
+    for label, clip in asked.items():
+        wanted = {c.name for c in (tmp_path / "clips" / label).iterdir()}
+        seen: set[str] = set()
+        precision = 0.0
+        for rank, hit in enumerate(query_auto(tmp_path / "s.store", clip).hits, start=1):
+            name = Path(hit.document).name
+            if name in wanted - seen:
+                seen.add(name)
+                precision += len(seen) / rank
+        precisions.append(precision / len(wanted))
+    assert np.mean(precisions) >= 0.975
