@@ -92,7 +92,7 @@ def show(name: str, select: str, row_format: str, output: Path) -> None:
 def check(
     name: str,
     inputs: tuple[Path, ...],
-    rate: float,
+    rate: float | None,
     row_format: str,
     output: Path,
     **reading: Any,
@@ -148,7 +148,7 @@ def plot(
     document: str | None,
     start: float | None,
     end: float | None,
-    rate: float,
+    rate: float | None,
     output: Path,
     **reading: Any,
 ) -> None:
@@ -204,7 +204,7 @@ def learn_threshold(
     negative: Path,
     feature: str,
     name: str,
-    rate: float,
+    rate: float | None,
     row_format: str,
     output: Path,
     **reading: Any,

@@ -1,6 +1,6 @@
 """Look at feature sets, try them on motion, draw features and learn thresholds."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -135,17 +135,19 @@ class _Tally:
             (5, count), dtype=np.int64
         )
         self.lowest, self.highest = np.full((2, count), np.nan)
+        self.minutes = np.zeros(count)
         self.documents = 0
 
-    def add(self, bits: BoolArray, values: FloatArray, trusted: BoolArray, short: float) -> None:
+    def add(self, bits: BoolArray, values: FloatArray, trusted: BoolArray, rate: float) -> None:
         self.documents += 1
         self.frames += len(bits) * trusted
+        self.minutes += len(bits) / rate / 60 * trusted
         self.on += bits.sum(axis=0) * trusted
         self.untrusted += ~trusted
         for i in np.flatnonzero(trusted).tolist():
             lengths = np.diff(find_runs(bits[:, i].view(np.uint8))[1])
             self.changes[i] += len(lengths) - 1
-            self.short[i] += int((lengths[1:-1] < short).sum())
+            self.short[i] += int((lengths[1:-1] < SHORT * rate).sum())
         values = np.where(trusted, values, np.nan)
         self.lowest = np.fmin(self.lowest, np.fmin.reduce(values, axis=0))
         self.highest = np.fmax(self.highest, np.fmax.reduce(values, axis=0))
@@ -155,9 +157,8 @@ def check_features(
     feature_set: FeatureSet,
     inputs: Sequence[Path],
     *,
-    rate: float = 30.0,
+    rate: float | None = None,
     read: ReadOptions | None = None,
-    progress: Callable[[int], None] | None = None,
 ) -> Iterator[Record]:
     """Try a feature set on motion: which features say something, and which tremble.
 
@@ -166,12 +167,10 @@ def check_features(
     feature_set : FeatureSet
     inputs : sequence of Path
         Motion files, folders and stores.
-    rate : float
-        In Hz.
+    rate : float, optional
+        In Hz; by default 30 for files, and the rate that a store has.
     read : ReadOptions, optional
         How files are understood.
-    progress : callable, optional
-        Called with the number of documents so far.
 
     Yields
     ------
@@ -190,27 +189,21 @@ def check_features(
     conditions = [feature_set.features[i].condition for i in plain]
     for take in takes_in(inputs, rate, read or ReadOptions()):
         untrusted = untrusted_features(take.motion, feature_set)
-        bits = extract_features(take.motion, feature_set, rate)
+        trusted = np.array([not untrusted >> i & 1 for i in range(count)])
+        bits = extract_features(take.motion, feature_set, take.motion.rate)
         values = np.full(bits.shape, np.nan)
-        values[:, plain] = condition_values(take.motion, conditions, rate)
-        tally.add(
-            bits,
-            values,
-            np.array([not untrusted >> i & 1 for i in range(count)]),
-            SHORT * rate,
-        )
-        if progress is not None:
-            progress(tally.documents)
+        values[:, plain] = condition_values(take.motion, conditions, take.motion.rate)
+        tally.add(bits, values, trusted, take.motion.rate)
     if not tally.documents:
         raise ParameterError("there is no motion to try the features on")
     for i, feature in enumerate(feature_set.features):
-        frames = max(int(tally.frames[i]), 1)
+        frames, minutes = max(int(tally.frames[i]), 1), float(tally.minutes[i]) or 1.0
         known = bool(np.isfinite(tally.lowest[i]))
         yield {
             "id": feature.id,
             "name": feature.name,
             "on": round(int(tally.on[i]) / frames, 6),
-            "changes_per_minute": round(int(tally.changes[i]) * 60 * rate / frames, 3),
+            "changes_per_minute": round(int(tally.changes[i]) / minutes, 3),
             "lowest": round(float(tally.lowest[i]), 6) if known else None,
             "highest": round(float(tally.highest[i]), 6) if known else None,
             "untrusted_in": int(tally.untrusted[i]),
@@ -239,7 +232,7 @@ def draw_features(
     document: str | None = None,
     start: float | None = None,
     end: float | None = None,
-    rate: float = 30.0,
+    rate: float | None = None,
     read: ReadOptions | None = None,
 ) -> None:
     """Draw the values beneath features over a clip, with both thresholds.
@@ -257,8 +250,8 @@ def draw_features(
         Of the store.
     start, end : float, optional
         The stretch to draw, in seconds.
-    rate : float
-        In Hz.
+    rate : float, optional
+        In Hz; by default 30 for files, and the rate that a store has.
     read : ReadOptions, optional
         How a motion file is understood.
 
@@ -274,7 +267,7 @@ def draw_features(
             "choose with --feature"
         )
     take = one_take(motion, rate, read or ReadOptions(), document)
-    frames = len(take.motion.positions)
+    frames, rate = len(take.motion.positions), take.motion.rate
     first = round((start or 0.0) * rate)
     last = frames if end is None else min(frames, round(end * rate))
     if first >= last:

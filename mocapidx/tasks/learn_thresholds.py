@@ -1,6 +1,6 @@
 """Learn the thresholds of a feature from stretches where it should be on, or off."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -33,9 +33,8 @@ def learn_feature(
     positive: Path,
     negative: Path,
     *,
-    rate: float = 30.0,
+    rate: float | None = None,
     read: ReadOptions | None = None,
-    progress: Callable[[int], None] | None = None,
 ) -> Separation:
     """Learn both thresholds of a feature; those that it has play no part.
 
@@ -50,12 +49,10 @@ def learn_feature(
     positive, negative : Path
         Labels files: where the feature should be on, and where off. What the labels are called
         makes no difference.
-    rate : float
-        In Hz.
+    rate : float, optional
+        In Hz; by default 30 for files, and the rate that a store has.
     read : ReadOptions, optional
         How files are understood.
-    progress : callable, optional
-        Called with the number of documents so far.
 
     Returns
     -------
@@ -91,12 +88,10 @@ def learn_feature(
     values: list[FloatArray] = []
     wanted: list[Wanted] = []
     for take in takes_in(inputs, rate, read or ReadOptions(), frozenset(by_document)):
-        wanted.append(_wanted(take, by_document.pop(take.name), rate))
+        wanted.append(_wanted(take, by_document.pop(take.name)))
         known = not untrusted_features(take.motion, feature_set) & mask
-        own = feature_values(take.motion, feature_set, rate)[:, place]
+        own = feature_values(take.motion, feature_set, take.motion.rate)[:, place]
         values.append(own if known else np.full(len(own), np.nan))
-        if progress is not None:
-            progress(len(values))
     _check_found(by_document)
     found = learn_thresholds(values, wanted)
     threshold, on, off = (
@@ -122,9 +117,9 @@ def _direction(feature: Feature) -> float:
     return 1.0 if np.isfinite(low) else -1.0
 
 
-def _wanted(take: Take, labels: Sequence[tuple[Label, int]], rate: float) -> Wanted:
+def _wanted(take: Take, labels: Sequence[tuple[Label, int]]) -> Wanted:
     """Lay labels over the frames of a document."""
-    frames = len(take.motion.positions)
+    frames, rate = len(take.motion.positions), take.motion.rate
     wanted = np.zeros(frames, dtype=np.int8)
     for label, kind in labels:
         start = round((label.start_time or 0.0) * rate)

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from mocapidx.errors import ParameterError
 from mocapidx.model import Motion
@@ -16,6 +17,8 @@ from mocapidx.tasks.stored import stored_motion
 
 __all__ = ["Take", "one_take", "takes_in"]
 
+RATE: Final = 30.0
+
 
 @dataclass(frozen=True, slots=True)
 class Take:
@@ -26,7 +29,10 @@ class Take:
 
 
 def takes_in(
-    inputs: Sequence[Path], rate: float, read: ReadOptions, names: frozenset[str] | None = None
+    inputs: Sequence[Path],
+    rate: float | None,
+    read: ReadOptions,
+    names: frozenset[str] | None = None,
 ) -> Iterator[Take]:
     """Read motions, from source files or from the poses of stores.
 
@@ -34,8 +40,8 @@ def takes_in(
     ----------
     inputs : sequence of Path
         Motion files, folders and stores.
-    rate : float
-        In Hz; poses of stores are resampled too.
+    rate : float or None
+        In Hz; None: 30 for files, and the rate that a store has.
     read : ReadOptions
         How files are understood.
     names : frozenset of str, optional
@@ -52,26 +58,35 @@ def takes_in(
     """
     stores = [path for path in inputs if (path / MANIFEST).exists()]
     files = [path for path in inputs if path not in stores]
+    seen: set[str] = set()
     for source in find_sources(files)[0]:
         if names is None or source.name in names:
+            seen.add(source.name)
             motion = read_take(source.path, read).motion
-            yield Take(source.name, resample_motion(motion, rate))
+            yield Take(source.name, resample_motion(motion, rate or RATE))
     for path in stores:
         with open_store(path) as store:
             for placed in store.documents():
-                if names is None or placed.document.name in names:
-                    motion = stored_motion(store, placed)
-                    yield Take(placed.document.name, resample_motion(motion, rate))
+                name = placed.document.name
+                if names is not None and name not in names:
+                    continue
+                if name in seen:
+                    raise ParameterError(f"two of the inputs hold a document '{shown(name)}'")
+                seen.add(name)
+                motion = stored_motion(store, placed)
+                yield Take(name, resample_motion(motion, rate or motion.rate))
 
 
-def one_take(path: Path, rate: float, read: ReadOptions, document: str | None = None) -> Take:
+def one_take(
+    path: Path, rate: float | None, read: ReadOptions, document: str | None = None
+) -> Take:
     """Read one motion: a motion file, or a document of a store.
 
     Parameters
     ----------
     path : Path
-    rate : float
-        In Hz.
+    rate : float or None
+        In Hz; None: 30 for a file, and the rate that a store has.
     read : ReadOptions
         How a file is understood.
     document : str, optional

@@ -111,6 +111,19 @@ def test_a_trial_says_what_looks_odd(clips, odd):
     assert (found["HIGH"], found["LOW"]) == ("never on", "always on")
 
 
+def test_one_document_is_not_counted_twice(clips, tmp_path):
+    index_files([clips / "squat"], tmp_path / "s.store")
+    with pytest.raises(ParameterError, match="two of the inputs hold"):
+        list(check_features(F39, [clips / "squat", tmp_path / "s.store"]))
+
+
+def test_a_store_is_tried_at_its_own_rate(clips, tmp_path):
+    index_files([clips / "squat"], tmp_path / "s.store", IndexOptions(rate=60.0))
+    own = list(check_features(F39, [tmp_path / "s.store"]))
+    files = list(check_features(F39, [clips / "squat"], rate=60.0))
+    assert [record["on"] for record in own] == [record["on"] for record in files]
+
+
 def test_a_trial_needs_motion(tmp_path):
     with pytest.raises(ParameterError, match="no motion"):
         list(check_features(F39, [tmp_path]))
