@@ -139,12 +139,13 @@ def query(
     """
     asked = {name: others.pop(name) for name in ASKED}
     if select == "auto":
+        auto = {"feedback": not no_feedback, "learn": learn, "top": top}
+        auto["where"] = asked.pop("where")
         if len(examples) != 1 or rank or mismatch_at or not any_of or set(asked.values()) != UNSET:
             raise click.UsageError(
                 "--select auto takes one --example, and of the other options only --no-feedback, "
-                "--learn, --top and --explain"
+                "--learn, --where, --top and --explain"
             )
-        auto = {"feedback": not no_feedback, "learn": learn, "top": top}
         print_auto(store, examples[0], auto, others, row_format, output, quiet, explain=explain)
         return
     if learn is not None or no_feedback:

@@ -8,7 +8,8 @@ from typing import Final
 from mocapidx.features.featureset import FeatureSet
 from mocapidx.model import FloatArray, Hit, IndexArray
 from mocapidx.printable import shown
-from mocapidx.store.read import Snapshot, open_store
+from mocapidx.store.manifest import Placed
+from mocapidx.tasks.answers import feature_names, open_archive
 from mocapidx.tasks.hits import make_hit
 from mocapidx.tasks.oneshot_example import ExampleShot, read_example
 from mocapidx.tasks.oneshot_learn import learn_from_hits, stretch_name
@@ -16,7 +17,7 @@ from mocapidx.tasks.oneshot_scan import Area, Ranking, choose_area, median_cost,
 from mocapidx.tasks.query_example import Example
 from mocapidx.tasks.read import ReadOptions
 from mocapidx.tasks.records import Record, hit_record
-from mocapidx.tasks.segment_sources import store_feature_set, untrusted_mask
+from mocapidx.tasks.segment_sources import untrusted_mask
 from mocapidx.tasks.sigma import store_sigma
 from mocapidx.tasks.store_poses import read_shot
 from mocapidx.templates.oneshot import (
@@ -100,6 +101,7 @@ def query_auto(
     feedback: bool = True,
     top: int | None = None,
     learn: Path | None = None,
+    where: str | None = None,
     read: ReadOptions | None = None,
 ) -> AutoFound:
     """Rank everything in a store by how much it is like one example; no features are chosen.
@@ -115,6 +117,8 @@ def query_auto(
         Keep the best only.
     learn : Path, optional
         Make an ordinary template of the example and these hits, and write it to this file.
+    where : str, optional
+        A condition on documents, as in `mocapidx.tasks.where`; the others don't count at all.
     read : ReadOptions, optional
         How the example's file is understood.
 
@@ -130,15 +134,21 @@ def query_auto(
     WriteError
         If the template could not be written.
     """
-    with open_store(Path(store)) as snapshot:
+    with open_archive(store, where) as archive:
+        snapshot, feature_set = archive.snapshot, archive.feature_set
         settings = snapshot.manifest.settings
-        feature_set = store_feature_set(snapshot)
+        documents = [
+            place.placed[number]
+            for place in archive.files
+            for group in place.groups
+            for number in group.documents.tolist()
+        ]
         shot = read_example(snapshot, example, feature_set, read or ReadOptions())
-        remarks = list(_remarks(snapshot, shot, feature_set, feedback))
+        remarks = list(_remarks(settings.poses, documents, shot, feature_set, feedback))
         sigma = store_sigma(snapshot, feature_set)
         signed = signed_distances(shot.shot, sigma)
         pattern = weigh(signed)
-        area = choose_area(snapshot, pattern)
+        area = choose_area(snapshot, documents, pattern)
         if area.pieces is not None:
             remarks.append(
                 "the store is too large to be looked through: the better fifth of a coarse scan "
@@ -208,33 +218,31 @@ def weight_records(found: AutoFound) -> list[Record]:
 
 
 def _remarks(
-    snapshot: Snapshot, shot: ExampleShot, feature_set: FeatureSet, feedback: bool
+    poses: bool,
+    documents: Sequence[Placed],
+    shot: ExampleShot,
+    feature_set: FeatureSet,
+    feedback: bool,
 ) -> Sequence[str]:
     remarks = []
     if shot.untrusted:
         remarks.append(
-            f"the example's skeleton can't tell {_names(feature_set, shot.untrusted)}; "
+            f"the example's skeleton can't tell {feature_names(feature_set, shot.untrusted)}; "
             "they have no weight"
         )
-    if not snapshot.manifest.settings.poses:
+    if not poses:
         lost = "there is no feedback, and " if feedback else ""
         remarks.append(
             f"the store keeps no poses, so {lost}how people differ is not measured on it"
         )
     left_out: dict[int, int] = {}
-    for placed in snapshot.documents():
+    for placed in documents:
         if mask := untrusted_mask(placed.document) & ~shot.untrusted:
             left_out[mask] = left_out.get(mask, 0) + 1
-    for mask, documents in left_out.items():
-        names = _names(feature_set, mask)
-        remarks.append(f"in {documents} documents {names} has no weight: they can't tell it")
+    for mask, count in left_out.items():
+        names = feature_names(feature_set, mask)
+        remarks.append(f"in {count} documents {names} has no weight: they can't tell it")
     return remarks
-
-
-def _names(feature_set: FeatureSet, mask: int) -> str:
-    return ", ".join(
-        identifier for bit, identifier in enumerate(feature_set.ids) if mask >> bit & 1
-    )
 
 
 def _ranked(area: Area, pattern: Pattern, accepted: tuple[Hit, ...] = ()) -> _Answer:

@@ -1,7 +1,7 @@
 """Rank everything in a store by a weighted pattern; a large store is scanned coarsely first."""
 
 import itertools
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -15,7 +15,7 @@ from mocapidx.tasks.store_words import WordBatch, piece_batches, store_batches
 from mocapidx.templates.keyframes import Pieces
 from mocapidx.templates.oneshot import Pattern, match_pattern, pattern_hits
 
-__all__ = ["Area", "Ranking", "by_name", "choose_area", "median_cost", "rank"]
+__all__ = ["Area", "Ranking", "choose_area", "median_cost", "rank"]
 
 MOST_CELLS: Final = 1_000_000_000
 """Rows of the pattern times frames of the store; about ten seconds. Beyond, a coarse scan."""
@@ -57,7 +57,7 @@ class Area:
     ----------
     snapshot : Snapshot
     documents : tuple of Placed
-        All documents, in the order of their names.
+        The documents that count, in the order of their names.
     pieces : dict of int to Pieces, optional
         By the number of the segment file; None: everything.
     """
@@ -69,43 +69,51 @@ class Area:
     def batches(self) -> Iterator[WordBatch]:
         """Read it, a bounded number of frames at a time."""
         if self.pieces is None:
-            yield from store_batches(self.snapshot)
+            yield from self.whole({placed.document.name for placed in self.documents})
             return
         for file in self.snapshot.files:
+            if file.number not in self.pieces:
+                continue
             for group in document_groups(file):
                 own = self.pieces[file.number].of(group.documents)
                 yield from piece_batches(self.snapshot, file, own, group.untrusted)
 
+    def whole(self, names: Collection[str]) -> Iterator[WordBatch]:
+        """Read some documents as a whole."""
+        for batch in store_batches(self.snapshot):
+            own = [n for n, document in enumerate(batch.documents) if document.name in names]
+            if len(own) == len(batch.documents):
+                yield batch
+            elif own:
+                yield batch.select(np.array(own, dtype=np.int64))
 
-def by_name(snapshot: Snapshot) -> tuple[Placed, ...]:
-    """Give the documents of a store in the order of their names."""
-    return tuple(sorted(snapshot.documents(), key=lambda placed: placed.document.name))
 
-
-def choose_area(snapshot: Snapshot, pattern: Pattern) -> Area:
+def choose_area(snapshot: Snapshot, documents: Iterable[Placed], pattern: Pattern) -> Area:
     """Choose what to scan for a pattern: everything, or what a coarse scan of it leaves.
 
     Parameters
     ----------
     snapshot : Snapshot
+    documents : iterable of Placed
+        The documents of the snapshot that count.
     pattern : Pattern
 
     Returns
     -------
     Area
     """
-    documents = by_name(snapshot)
-    frames = sum(placed.document.frames for placed in documents)
+    ordered = tuple(sorted(documents, key=lambda placed: placed.document.name))
+    everything = Area(snapshot, ordered)
+    frames = sum(placed.document.frames for placed in ordered)
     if frames * len(pattern.ones) <= MOST_CELLS or len(pattern.ones) < 2 * COARSE:
-        return Area(snapshot, documents)
-    thinned = map(_thinned, store_batches(snapshot))
-    coarse = _ranked(thinned, pattern.every(COARSE), documents, whole=True)
+        return everything
+    thinned = map(_thinned, everything.batches())
+    coarse = _ranked(thinned, pattern.every(COARSE), ordered, whole=True)
     kept = slice(0, int(np.ceil(KEPT * len(coarse.costs))))
     margin = len(pattern.ones)
     starts = coarse.starts[kept] * COARSE - margin
     ends = coarse.ends[kept] * COARSE + margin
-    pieces = _pieces(documents, coarse.documents[kept], starts, ends)
-    return Area(snapshot, documents, pieces)
+    return Area(snapshot, ordered, _pieces(ordered, coarse.documents[kept], starts, ends))
 
 
 def rank(area: Area, pattern: Pattern) -> Ranking:
@@ -212,7 +220,4 @@ def _sampled(area: Area) -> Iterator[WordBatch]:
             break
         names.add(area.documents[number].document.name)
         wanted -= area.documents[number].document.frames
-    for batch in store_batches(area.snapshot):
-        chosen = [n for n, document in enumerate(batch.documents) if document.name in names]
-        if chosen:
-            yield batch.select(np.array(chosen, dtype=np.int64))
+    yield from area.whole(names)

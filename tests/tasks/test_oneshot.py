@@ -174,6 +174,16 @@ def test_the_template_of_the_hits_is_an_ordinary_one(store, clips, tmp_path):
     assert {Path(hit.document).parent.name for hit in hits[:2]} == {"squat"}
 
 
+def test_only_some_documents_can_be_asked(store, clips, monkeypatch):
+    some = query_auto(
+        store, example(clips, "squat"), where="document = squat/* or document = jog/*"
+    )
+    assert {Path(hit.document).parent.name for hit in some.hits} == {"squat", "jog"}
+    monkeypatch.setattr(oneshot_scan, "MOST_CELLS", 1)
+    coarse = query_auto(store, example(clips, "squat"), where="document = jog/*")
+    assert {Path(hit.document).parent.name for hit in coarse.hits} == {"jog"}
+
+
 def test_equal_queries_give_equal_answers(store, clips):
     assert query_auto(store, example(clips, "squat")) == query_auto(store, example(clips, "squat"))
 
@@ -182,6 +192,7 @@ def test_equal_queries_give_equal_answers(store, clips):
 def own_store(store, tmp_path, monkeypatch):
     """A copy that counts as large enough to say how people differ."""
     monkeypatch.setattr(sigma, "FEWEST_DOCUMENTS", 10)
+    monkeypatch.setattr(sigma, "SAMPLE_SECONDS", 20.0)
     return Path(shutil.copytree(store, tmp_path / "own.store"))
 
 
