@@ -6,7 +6,6 @@ agree with each other or in a StoreError.
 """
 
 import json
-import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
@@ -33,6 +32,7 @@ DIGEST: Final = re.compile(r"[0-9a-f]{64}", re.ASCII)
 HEX: Final = re.compile(r"[0-9a-f]*", re.ASCII)
 BIGGEST: Final = 2**63 - 1
 POSITIONS: Final = 2**32 - 1
+SLOWEST, FASTEST = 1e-3, 1e4  # Hz
 COLUMN_TYPES: Final[dict[str, frozenset[type]]] = {
     "name": frozenset({str}),
     "root": frozenset({int}),
@@ -355,8 +355,8 @@ def _within(values: list[int], low: int, high: int) -> None:
 
 
 def _rate(value: float) -> float:
-    if not (math.isfinite(value) and value > 0):
-        raise Wrong("a rate is not a positive number of Hz")
+    if not SLOWEST <= value <= FASTEST:
+        raise Wrong(f"a rate is not between {SLOWEST:g} and {FASTEST:g} Hz")
     return value
 
 

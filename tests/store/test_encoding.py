@@ -195,7 +195,8 @@ def test_a_manifest_with_right_digest_and_wrong_content_is_refused_or_agrees_wit
         (("files", 0, "datasets", "frames/words", "blocks"), "ab", "one digest a block"),
         (("files", 0, "datasets", "../x"), {}, "not the datasets"),
         (("files", 0, "head", "size"), 10**6, "larger than the index"),
-        (("rate",), 0.0, "positive number of Hz"),
+        (("rate",), 0.0, "a rate is not between"),
+        (("rate",), 1e308, "a rate is not between"),
         (("next",), 10**13, "out of range"),
     ],
 )
