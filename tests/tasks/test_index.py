@@ -1,9 +1,11 @@
+import contextlib
 import os
 import resource
 import shutil
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -399,3 +401,32 @@ def test_a_file_that_is_written_while_it_is_read_is_refused(takes, tmp_path, mon
     assert "changed while it was read" in refused.message
     monkeypatch.undo()
     assert index_files([takes], tmp_path / "s.store", options).added == 1
+
+
+def marked(mark):
+    """Processes that were started with a mark in their environment, and their children."""
+    found = []
+    for folder in Path("/proc").iterdir():
+        with contextlib.suppress(OSError):
+            if folder.name.isdigit() and mark in (folder / "environ").read_bytes():
+                found.append(folder.name)
+    return found
+
+
+@pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="needs /proc")
+def test_workers_end_with_a_run_that_is_killed(takes, tmp_path):
+    mark = f"MARK={tmp_path.name}-{os.getpid()}"
+    with subprocess.Popen(
+        [PROGRAM, "index", takes, "--store", tmp_path / "s.store", "--jobs", "2"],
+        stderr=subprocess.DEVNULL,
+        env=os.environ | dict([mark.split("=")]),
+    ) as process:
+        deadline = time.monotonic() + 30
+        while len(marked(mark.encode())) < 4 and process.poll() is None:
+            assert time.monotonic() < deadline
+            time.sleep(0.005)
+        process.kill()
+    while marked(mark.encode()):
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    assert index_files([takes], tmp_path / "s.store").added in (0, 9)
