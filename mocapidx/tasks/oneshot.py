@@ -22,6 +22,7 @@ from mocapidx.tasks.sigma import store_sigma
 from mocapidx.tasks.store_poses import read_shot
 from mocapidx.templates.oneshot import (
     ACCEPTED,
+    LIKELY,
     SURE,
     Pattern,
     accept,
@@ -164,7 +165,13 @@ def query_auto(
             examples = ", ".join([shot.name, *map(stretch_name, answer.accepted)])
             remarks.append(f"the template is learned from {shown(examples, None)}")
         hits = _hits(area, answer.ranking, slice(top), shot.label)
-    sure = answer.ranking.costs[:top] <= SURE * answer.median
+    costs, median = answer.ranking.costs, answer.median
+    remarks.append(
+        f"of {len(costs)} places {int((costs <= SURE * median).sum())} are sure, up to a cost of "
+        f"{SURE * median:.3f}, and {int((costs <= LIKELY * median).sum())} likely, up to "
+        f"{LIKELY * median:.3f}"
+    )
+    sure = costs[:top] <= SURE * median
     return AutoFound(
         hits,
         tuple(sure.tolist()),
