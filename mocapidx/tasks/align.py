@@ -17,21 +17,15 @@ from mocapidx.alignment.distances import (
 )
 from mocapidx.durable import durable_replace
 from mocapidx.errors import ParameterError
-from mocapidx.features.extract import extract_features, untrusted_features
 from mocapidx.features.featureset import AnyFeatureSet, FeatureSet, load_feature_set
-from mocapidx.features.words import pack_words
-from mocapidx.model import FloatArray, WordArray
-from mocapidx.printable import shown
 from mocapidx.reports.alignment import alignment_picture
 from mocapidx.reports.style import picture_format
-from mocapidx.skeleton.joints import CANONICAL_JOINTS
-from mocapidx.skeleton.resample import resample_motion
-from mocapidx.store.read import Snapshot, open_store
-from mocapidx.store.schema import FRAME_WORDS, POSES
-from mocapidx.tasks.query_example import Example, parse_example
-from mocapidx.tasks.read import ReadOptions, read_take
+from mocapidx.store.read import open_store
+from mocapidx.tasks.query_example import parse_example
+from mocapidx.tasks.read import ReadOptions
 from mocapidx.tasks.records import Record
-from mocapidx.tasks.segment_sources import store_feature_set, untrusted_mask
+from mocapidx.tasks.segment_sources import store_feature_set
+from mocapidx.tasks.stretch import Stretch, stretch_of_file, stretch_of_store
 
 __all__ = [
     "PATH_COLUMNS",
@@ -129,17 +123,6 @@ class Aligned:
         return tuple(name for i, name in enumerate(self.feature_set.ids) if mask >> i & 1)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Stretch:
-    """The part of a motion that is to be aligned; joints that it lacks are NaN."""
-
-    name: str
-    start: int
-    words: WordArray
-    untrusted: int
-    poses: FloatArray | None
-
-
 def align_motions(
     one: str | Path,
     other: str | Path,
@@ -185,12 +168,14 @@ def align_motions(
     texts = (str(one), str(other))
     if store is None:
         feature_set, rate = load_feature_set(options.feature_set), options.rate
-        a, b = (_from_file(parse_example(text), feature_set, rate, options) for text in texts)
+        a, b = (
+            stretch_of_file(parse_example(text), feature_set, rate, options.read) for text in texts
+        )
     else:
         with open_store(Path(store)) as snapshot:
             feature_set = store_feature_set(snapshot)
             rate = snapshot.manifest.settings.rate
-            a, b = (_from_store(text, snapshot, feature_set, options) for text in texts)
+            a, b = (stretch_of_store(text, snapshot, feature_set, options.read) for text in texts)
     aligned = _aligned(a, b, feature_set, rate, options)
     if picture is not None:
         draw_alignment(aligned, picture)
@@ -198,7 +183,7 @@ def align_motions(
 
 
 def _aligned(
-    a: _Stretch, b: _Stretch, feature_set: FeatureSet, rate: float, options: AlignOptions
+    a: Stretch, b: Stretch, feature_set: FeatureSet, rate: float, options: AlignOptions
 ) -> Aligned:
     mask = feature_set.select(options.select)
     unknown = mask & (a.untrusted | b.untrusted)
@@ -236,68 +221,8 @@ def _aligned(
     )
 
 
-def _from_file(
-    example: Example, feature_set: FeatureSet, rate: float, options: AlignOptions
-) -> _Stretch:
-    motion = resample_motion(read_take(example.path, options.read).motion, rate)
-    words = pack_words(extract_features(motion, feature_set, rate))
-    untrusted = untrusted_features(motion, feature_set)
-    poses = _without(motion.positions.astype(np.float64), motion.made)
-    name = example.path.name
-    return _cut(name, example, words & ~np.uint64(untrusted), untrusted, poses, rate)
-
-
-def _from_store(
-    text: str, store: Snapshot, feature_set: FeatureSet, options: AlignOptions
-) -> _Stretch:
-    places = {placed.document.name: placed for placed in store.documents()}
-    rate = store.manifest.settings.rate
-    example = Example(Path(text)) if text in places else parse_example(text)
-    if example.path.exists():
-        return _from_file(example, feature_set, rate, options)
-    name = text if text in places else str(example.path)
-    if name not in places:
-        raise ParameterError(f"{shown(name)}: neither a file nor a document of {shown(store.path)}")
-    placed = places[name]
-    document, start = placed.document, placed.frame_offset
-    stop = start + document.frames
-    words = store.array(placed.file, FRAME_WORDS.path, start, stop).astype(np.uint64)
-    poses: FloatArray | None = None
-    if store.manifest.settings.poses:
-        stored = store.array(placed.file, POSES.path, start, stop)
-        poses = _without(stored.astype(np.float64), document.rig.get("made", ()))
-    return _cut(name, example, words, untrusted_mask(document), poses, rate)
-
-
-def _without(positions: FloatArray, made: object) -> FloatArray:
-    """Forget the joints that a joint map made up."""
-    names = made if isinstance(made, (list, tuple)) else ()
-    positions[:, [joint in names for joint in CANONICAL_JOINTS]] = np.nan
-    return positions
-
-
-def _cut(
-    name: str,
-    example: Example,
-    words: WordArray,
-    untrusted: int,
-    poses: FloatArray | None,
-    rate: float,
-) -> _Stretch:
-    # Cut after extraction: velocities and hysteresis then know what came before.
-    start = round((example.start or 0.0) * rate)
-    end = len(words) if example.end is None else min(len(words), round(example.end * rate))
-    if start >= end:
-        raise ParameterError(
-            f"{shown(name)}: lasts {len(words) / rate:.2f} s, "
-            f"nothing lies from {start / rate:.2f} s to {end / rate:.2f} s"
-        )
-    cut = None if poses is None else poses[start:end]
-    return _Stretch(name, start, words[start:end], untrusted, cut)
-
-
 def _distance(
-    a: _Stretch, b: _Stretch, mask: int, wanted: Literal["poses", "words"], remarks: list[str]
+    a: Stretch, b: Stretch, mask: int, wanted: Literal["poses", "words"], remarks: list[str]
 ) -> tuple[FrameDistance, Literal["poses", "words"]]:
     """Choose what frames are compared by; say so where it is not what was wanted."""
     if wanted == "poses" and a.poses is not None and b.poses is not None:
