@@ -7,9 +7,9 @@ from typing import Any
 
 import click
 
-from mocapidx.errors import MocapidxError, WriteError
+from mocapidx.errors import Interrupted, MocapidxError, WriteError
 
-from .main import COMMANDS, fail
+from .main import COMMANDS, fail, heard
 
 __all__ = ["mocapidx", "run"]
 
@@ -94,6 +94,8 @@ def run(debug: bool) -> int:
     except Exception as exc:
         if debug:
             raise
+        if heard:  # libraries in C make an ImportError of a stop while they are loaded
+            raise Interrupted(heard[0]) from exc
         fail(f"{type(exc).__name__}: {exc}; 'mocapidx --debug ...' shows where it happened", 1)
     return result if isinstance(result, int) else 0
 

@@ -15,7 +15,7 @@ from typing import Any, NoReturn
 from mocapidx.errors import Interrupted, WriteError
 from mocapidx.printable import shown
 
-__all__ = ["COMMANDS", "fail", "main", "say"]
+__all__ = ["COMMANDS", "fail", "heard", "main", "say"]
 
 COMMANDS = {
     "index": ("index:index", "Read motion files and folders into a store."),
@@ -34,6 +34,7 @@ COMMANDS = {
     "align": ("align:align", "Say which frame of one motion goes with which of another."),
     "skeleton": ("skeleton:skeleton", "Show how a file's skeleton is understood, and why."),
 }
+heard: list[int] = []  # the signal that asked us to stop
 STOP_SIGNALS = (signal.SIGTERM, signal.SIGHUP, signal.SIGINT)
 
 
@@ -69,6 +70,7 @@ def stop(signal_number: int, frame: FrameType | None) -> None:
     """Raise `Interrupted` at the first signal; the second one ends the process at once."""
     for number in STOP_SIGNALS:
         signal.signal(number, lambda number, _: os._exit(128 + number))
+    heard.append(signal_number)
     raise Interrupted(signal_number)
 
 

@@ -86,6 +86,22 @@ def test_a_stop_while_the_program_is_loaded_is_one_line(tmp_path):
     assert done.stderr == "Error: interrupted; nothing was written\n"
 
 
+def test_a_stop_that_a_library_makes_another_error_of_is_still_a_stop():
+    done = run(
+        "import os, sys\n"
+        "from mocapidx_cli import main, group\n"
+        "def broken(**_):\n"
+        "    try:\n"
+        "        os.kill(os.getpid(), 15)\n"
+        "    except BaseException as exc:\n"
+        "        raise ImportError('a library') from exc\n"
+        "group.mocapidx.main = broken\n"
+        "main.main()\n"
+    )
+    assert done.returncode == 128 + signal.SIGTERM
+    assert done.stderr == "Error: interrupted; nothing was written\n"
+
+
 def test_a_stop_that_python_swallows_is_raised_again():
     done = run(
         "import os, time\n"
