@@ -1,66 +1,150 @@
-"""Queries inside one process, on the words of the clips repeated to 180 minutes."""
+"""Queries inside one process, as in Table 3 of the 2005 paper, and on a store 100 times as large.
+
+The words of the clips are repeated to 180 minutes, and the runs of these to 300 hours. A query is
+cut out of the clips at random, so it has at least one hit; a fuzzy one has 64 alternatives at each
+step, drawn from the words that occur, one of them the true one, none of them also in the step
+before.
+"""
 
 import statistics
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from bench.reading import Row
-from mocapidx.features.featureset import PARTS
-from mocapidx.queries.evaluate import FINDERS
-from mocapidx.queries.source import source_from_words
-from mocapidx.queries.steps import steps_from_example
+from bench.words import repeated_words
+from mocapidx.index.build import PartRuns, build_runs, first_positions
+from mocapidx.index.postings import encode_index, open_index
+from mocapidx.model import IndexArray, WordArray
+from mocapidx.queries.adaptive import adaptive_hits
+from mocapidx.queries.exact import exact_hits
+from mocapidx.queries.fuzzy import fuzzy_hits
+from mocapidx.queries.mismatch import mismatch_hits
+from mocapidx.queries.source import PartSource, Source
+from mocapidx.queries.steps import FuzzyQuery, FuzzySet
+from mocapidx.segments.runs import find_runs
 from mocapidx.store.read import open_store
 from mocapidx.tasks.index import index_files
 from mocapidx.tasks.segment_sources import store_feature_set
 
 FRAMES = 180 * 60 * 30
-QUERIES = 2_000
+TIMES = 100
+QUERIES = 10_000
+LENGTHS = (5, 10, 20)
+ALTERNATIVES = 64
+SECONDS = 3.0  # for each row of the larger store; fewer queries then
+
+Finder = Callable[[FuzzyQuery, Source], IndexArray]
+FINDERS: dict[str, tuple[Finder, bool]] = {
+    "exact": (exact_hits, False),
+    "fuzzy": (fuzzy_hits, True),
+    "adaptive fuzzy": (adaptive_hits, True),
+    "one mismatch": (lambda query, source: mismatch_hits(query, source, 1), False),
+}
+MOST = {"exact": QUERIES, "fuzzy": QUERIES, "adaptive fuzzy": 2_000, "one mismatch": 2_000}
 
 
 def measure(corpus: Any, work: Path) -> Iterator[Row]:
-    """Time random queries that have at least one hit."""
+    """Time random queries on the upper sub-index of both stores."""
     store = work / "queries.store"
     index_files([corpus.clips], store)
     with open_store(store) as snapshot:
-        feature_set = store_feature_set(snapshot)
-        documents = []
-        for entry in snapshot.documents():
-            end = entry.frame_offset + entry.document.frames
-            words = snapshot.array(entry.file, "frames/words", entry.frame_offset, end)
-            documents.append(np.array(words))
-    repeated = documents * -(-FRAMES // sum(map(len, documents)))
-    masks = {part: feature_set.part_mask(part) for part in PARTS}
-    source = source_from_words(repeated, masks)
-    rng = np.random.default_rng(180)
-    for mode in ("exact", "adaptive"):
-        for steps in (5, 10):
-            queries = list(random_queries(documents, masks["upper"], steps, rng))
-            seconds, hits = [], []
-            for query in queries:
-                started = time.perf_counter()
-                found = FINDERS[mode](query, source)
-                seconds.append(time.perf_counter() - started)
-                hits.append(len(found))
-            yield (
-                f"{mode} query of {steps} segments, upper, 180 minutes",
-                f"{statistics.median(seconds) * 1e3:.3f} ms",
-                f"{len(queries)} queries, {statistics.median(hits):.0f} hits",
-                "",
-            )
+        mask = store_feature_set(snapshot).part_mask("upper")
+    words = repeated_words(store, FRAMES)
+    lengths = np.array([len(document) for document in words], np.int64)
+    runs = build_runs(words, mask)
+    documents = words[: len(set(map(id, words)))]
+    small = repeated_source(runs, lengths, mask, 1)
+    medians: dict[tuple[str, int], float] = {}
+    for name, (find, fuzzy) in FINDERS.items():
+        for length in LENGTHS:
+            queries = random_queries(documents, mask, length, fuzzy, MOST[name])
+            seconds, hits = timed(find, queries, small, np.inf)
+            medians[name, length] = statistics.median(seconds)
+            what = f"{name} query of {length} segments, upper, 180 minutes ({len(runs.words)} runs)"
+            yield row(what, seconds, hits, "")
+    large = repeated_source(runs, lengths, mask, TIMES)
+    for name, (find, fuzzy) in FINDERS.items():
+        for length in LENGTHS:
+            queries = random_queries(documents, mask, length, fuzzy, MOST[name])
+            seconds, hits = timed(find, queries, large, SECONDS)
+            growth = statistics.median(seconds) / medians[name, length]
+            what = f"the same, {name}, {length} segments, {TIMES} times as large"
+            yield row(what, seconds, hits, f"{growth:.1f} times the time")
+
+
+def row(what: str, seconds: Sequence[float], hits: Sequence[int], growth: str) -> Row:
+    """Lay out the median, and of how many queries and hits it is."""
+    return (
+        what,
+        f"{statistics.median(seconds) * 1e3:.3f} ms",
+        f"{len(seconds)} queries, {statistics.median(hits):.0f} hits",
+        growth,
+    )
+
+
+def timed(
+    find: Finder, queries: Iterator[FuzzyQuery], source: Source, budget: float
+) -> tuple[list[float], list[int]]:
+    """Time queries one by one, at least ten, until the time is used up."""
+    seconds: list[float] = []
+    hits: list[int] = []
+    for query in queries:
+        started = time.perf_counter()
+        found = find(query, source)
+        seconds.append(time.perf_counter() - started)
+        hits.append(len(found))
+        budget -= seconds[-1]
+        if budget < 0 and len(seconds) >= 10:
+            break
+    return seconds, hits
+
+
+def repeated_source(runs: PartRuns, lengths: IndexArray, mask: int, times: int) -> Source:
+    """Lay the runs of some documents end to end so many times, and index them."""
+    span = int((lengths + 1).sum())
+    starts = np.empty((times, len(runs.starts)), np.uint32)
+    for turn, part in enumerate(starts):
+        np.add(runs.starts, np.uint32(turn * span), out=part)
+    words = np.tile(runs.words, times)
+    data, head = encode_index({"upper": words})
+    lists = open_index(data[:head], lambda at, size: data[at : at + size], len(data))["upper"]
+    lengths = np.tile(lengths, times)
+    flat = starts.reshape(-1)
+    part = PartSource(mask, lambda: flat, lambda: words, lambda: lists)
+    return Source(first_positions(lengths), lengths, (part,))
 
 
 def random_queries(
-    documents: list[Any], mask: int, steps: int, rng: np.random.Generator
-) -> Iterator[Any]:
+    documents: Sequence[WordArray], mask: int, length: int, fuzzy: bool, count: int
+) -> Iterator[FuzzyQuery]:
     """Cut random stretches of so many segments out of the documents."""
-    whole = [steps_from_example(words, mask) for words in documents]
-    long = [query for query in whole if len(query.steps) >= steps]
-    for _ in range(QUERIES if long else 0):
-        query = long[rng.integers(len(long))]
-        first = int(rng.integers(len(query.steps) - steps + 1))
-        part = slice(first, first + steps)
-        yield type(query)(query.steps[part], query.lengths[part])
+    rng = np.random.default_rng([180, length])
+    sequences = [find_runs(words & np.uint64(mask))[0] for words in documents]
+    long = [sequence for sequence in sequences if len(sequence) >= length]
+    everything = np.unique(np.concatenate(sequences))
+    frames = np.ones(length, np.int64)
+    for _ in range(count if long else 0):
+        sequence = long[rng.integers(len(long))]
+        first = int(rng.integers(len(sequence) - length + 1))
+        values = sequence[first : first + length]
+        sets = alternatives(values, everything, rng) if fuzzy else [{int(v)} for v in values]
+        steps = (FuzzySet(tuple((mask, value) for value in one)) for one in sets)
+        yield FuzzyQuery(tuple(steps), frames)
+
+
+def alternatives(
+    values: WordArray, everything: WordArray, rng: np.random.Generator
+) -> list[set[int]]:
+    """Draw for each step words that occur, disjoint from those of the step before."""
+    sets: list[set[int]] = []
+    drawn = everything[rng.integers(len(everything), size=(len(values), 3 * ALTERNATIVES))]
+    for place, (value, words) in enumerate(zip(values.tolist(), drawn.tolist(), strict=True)):
+        taken = {value} | (sets[-1] if sets else set())
+        taken |= set(values[place + 1 : place + 2].tolist())
+        others = [word for word in dict.fromkeys(words) if word not in taken]
+        sets.append({value, *others[: ALTERNATIVES - 1]})
+    return sets

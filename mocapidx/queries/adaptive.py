@@ -75,8 +75,7 @@ def _is_product(step: FuzzySet, parts: Sequence[PartSource]) -> bool:
     """Tell whether a word is in a set if each sub-index for itself admits its part of it."""
     if len(step.cubes) == 1:
         return True
-    mask = int(np.bitwise_or.reduce(step.masks))
-    return sum(bool(part.mask & mask) for part in parts) < 2
+    return sum(bool(part.mask & step.mask) for part in parts) < 2
 
 
 def _walk(

@@ -54,12 +54,13 @@ def mismatch_hits(
         raise ParameterError(
             f"{mismatches} mismatches of {count} steps; at least one step must agree"
         )
-    starts, words, free = selected_segments(parts, query.mask)
     order = _by_rarity(query, parts)
     anchors = _anchors(order, free_to_fail, mismatches)
+    if [part.mask for part in parts] == [query.mask]:
+        return _on_runs(query, parts[0], mismatches, free_to_fail, order, anchors)
+    starts, words, free = selected_segments(parts, query.mask)
     firsts = [np.flatnonzero(query.steps[step].contains(words)) - step for step in anchors]
-    hits = firsts[0] if len(firsts) == 1 else np.unique(np.concatenate(firsts))
-    hits = hits[(hits >= 0) & (hits + count <= len(words))]
+    hits = _candidates(firsts, len(words) - count)
     # A window that begins in a document ends before the next free place, or straddles it.
     hits = hits[free[np.searchsorted(free, hits)] >= hits + count]
     failed = np.zeros(len(hits), np.int64)
@@ -70,6 +71,36 @@ def mismatch_hits(
         hits, failed = hits[kept], failed[kept]
     bounds: IndexArray = starts[hits[:, np.newaxis] + np.arange(count + 1)]
     return bounds
+
+
+def _on_runs(
+    query: FuzzyQuery,
+    part: PartSource,
+    mismatches: int,
+    may_fail: BoolArray,
+    order: list[int],
+    anchors: list[int],
+) -> IndexArray:
+    """Find the hits where the segments are the runs of a sub-index, which the lists know."""
+    admitted, count = part.admitted(query.steps), len(query.steps)
+    firsts = [part.runs(admitted[step]) - step for step in anchors]
+    hits = _candidates(firsts, len(part.words) - count)
+    no_word = len(part.lists.words)  # the rank of what lies between documents
+    failed = np.zeros(len(hits), np.int64)
+    for step in order:
+        ranks = part.ranks.take(hits + step)
+        wrong = ~admitted[step].take(ranks)
+        failed += wrong
+        kept = (failed <= mismatches if may_fail[step] else ~wrong) & (ranks != no_word)
+        hits, failed = hits[kept], failed[kept]
+    runs = hits[:, np.newaxis] + np.arange(count + 1)
+    return np.asarray(part.starts[runs], dtype=np.int64)
+
+
+def _candidates(firsts: list[IndexArray], last: int) -> IndexArray:
+    """Unite the segments that hits may begin with, as far as all of their steps are there."""
+    hits = firsts[0] if len(firsts) == 1 else np.unique(np.concatenate(firsts))
+    return hits[(hits >= 0) & (hits <= last)]
 
 
 def _by_rarity(query: FuzzyQuery, parts: list[PartSource]) -> list[int]:

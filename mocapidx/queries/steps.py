@@ -5,9 +5,9 @@ the mask; a *fuzzy set* is a union of cubes. Sets are never enumerated: a select
 is one cube a step, whatever the number of words that agree on them.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
+from operator import or_
 from typing import Final
 
 import numpy as np
@@ -64,8 +64,22 @@ class FuzzySet:
         return self.cubes[0][0] == 0
 
     @cached_property
+    def mask(self) -> int:
+        """The features that any cube looks at."""
+        if self.cubes[0][0] == self.cubes[-1][0]:  # in ascending order, so all are the same
+            return self.cubes[0][0]
+        return reduce(or_, (mask for mask, _ in self.cubes))
+
+    @cached_property
+    def members(self) -> frozenset[tuple[int, int]]:
+        """The cubes, to look one up."""
+        return frozenset(self.cubes)
+
+    @cached_property
     def masks(self) -> WordArray:
         """The masks of the cubes, shape (C,)."""
+        if self.cubes[0][0] == self.cubes[-1][0]:
+            return np.full(len(self.cubes), self.cubes[0][0], np.uint64)
         return np.array([mask for mask, _ in self.cubes], np.uint64)
 
     @cached_property
@@ -124,14 +138,7 @@ class FuzzyQuery:
     @property
     def mask(self) -> int:
         """The features that any step looks at."""
-        return _all_bits(mask for step in self.steps for mask, _ in step.cubes)
-
-
-def _all_bits(masks: Iterable[int]) -> int:
-    bits = 0
-    for mask in masks:
-        bits |= mask
-    return bits
+        return reduce(or_, (step.mask for step in self.steps))
 
 
 def intersects(one: FuzzySet, other: FuzzySet) -> bool:
@@ -148,7 +155,7 @@ def intersects(one: FuzzySet, other: FuzzySet) -> bool:
         True if a cube of one agrees with a cube of the other in all bits that both look at.
     """
     if one.cubes[0][0] == one.cubes[-1][0] == other.cubes[0][0] == other.cubes[-1][0]:
-        return not set(one.cubes).isdisjoint(other.cubes)
+        return not one.members.isdisjoint(other.members)
     few, many = sorted((one, other), key=lambda step: len(step.cubes))
     return any(
         bool(((many.values ^ value) & many.masks & mask == 0).any())

@@ -186,7 +186,8 @@ def explain_hit(
     mirrored = ", mirrored" if chosen.answer.mirrored else ""
     yield f"{rank}. {shown(hit.document)}, {hit.start_time:.2f} to {hit.end_time:.2f} s{mirrored}"
     for number, step in enumerate(steps, start=1):
-        frames = f"{step.end - step.start} frames"
+        count = step.end - step.start
+        frames = f"{count} frame{'' if count == 1 else 's'}"
         if step.example_frames:
             frames += f" (example {step.example_frames})"
         text = describe(step.demanded, feature_set)
@@ -220,8 +221,9 @@ def _others(step: StepAgreement, feature_set: FeatureSet) -> str:
 def _near_failures(steps: Sequence[StepAgreement]) -> Iterator[str]:
     brief = [n for n, step in enumerate(steps, start=1) if step.end - step.start <= BRIEF]
     if brief:
+        noun, verb = ("step", "lasts") if len(brief) == 1 else ("steps", "last")
         numbers = ", ".join(map(str, brief))
-        yield f"nearly failed: step {numbers} lasts {BRIEF} frames or fewer"
+        yield f"nearly failed: {noun} {numbers} {verb} {BRIEF} frames or fewer"
     ratios = [
         max((s.end - s.start) / s.example_frames, s.example_frames / (s.end - s.start))
         for s in steps
@@ -274,7 +276,7 @@ def explain_nothing(
         else:
             yield (
                 f"no hit for {shown(label)}: step {last} of {len(asked.steps)} ({what}) loses the "
-                f"last candidates; {counts[-2]} go through {_steps_before(last)}"
+                f"last candidates; {_times(counts[-2])} through {_steps_before(last)}"
             )
     bounded = any(
         (block.shortest > 1).any() or (block.longest < UNLIMITED).any() for block in asked.blocks
@@ -282,6 +284,10 @@ def explain_nothing(
     if bounded and (count := _count(archive, _unbounded(asked), mode, mismatches)):
         yield f"without the bounds on durations there would be {count}"
     yield from _without_features(archive, asked, mode, mismatches)
+
+
+def _times(count: int) -> str:
+    return "1 goes" if count == 1 else f"{count} go"
 
 
 def _steps_before(last: int) -> str:
