@@ -207,7 +207,8 @@ def split_stretches(
         first = np.searchsorted(part.starts, stretches.starts.astype(np.uint32), "right")
         last = np.searchsorted(part.starts, stretches.ends.astype(np.uint32), "left")
         cuts.append(part.starts[expand_ranges(first, last)[1]].astype(np.int64))
-    starts = np.unique(np.concatenate(cuts))
+    starts = np.sort(np.concatenate(cuts))
+    starts = starts[np.flatnonzero(np.diff(starts, prepend=-1))]
     owners = np.searchsorted(stretches.starts, starts, "right") - 1
     ends = stretches.ends[owners]
     same = np.flatnonzero(owners[1:] == owners[:-1])

@@ -355,7 +355,7 @@ def _is_acclaim(recording: Recording) -> bool:
 
 def _spread(begin: int, end: int) -> IndexArray:
     """Return at most `SAMPLES` frames, evenly spread over a take."""
-    return np.unique(np.linspace(begin, end - 1, min(SAMPLES, end - begin)).astype(np.int64))
+    return np.linspace(begin, end - 1, min(SAMPLES, end - begin)).astype(np.int64)
 
 
 def _unit_evidence(recording: Recording, look: _Look, said: Overrides) -> str:

@@ -28,19 +28,11 @@ from mocapidx.tasks.query_example import (
     mirror_example,
     parse_example,
 )
-from mocapidx.tasks.query_explain import agreements, explain_hit, explain_nothing, step_records
-from mocapidx.tasks.query_pattern import (
-    ask_scene,
-    explain_scene,
-    load_pattern,
-    load_scene,
-    mirror_scene,
-    scene_mask,
-    short_pattern,
-)
 from mocapidx.tasks.query_rank import RANKINGS, costs_by
 from mocapidx.tasks.read import ReadOptions
-from mocapidx.tasks.relax import ask_relaxed
+
+# What a plain query by example has no use for is imported where it is needed: it would take as
+# long to import as the query takes to answer.
 
 __all__ = ["MODES", "RANKINGS", "Example", "Found", "parse_example", "query_store"]
 
@@ -169,6 +161,8 @@ def query_store(
         if example is not None:
             several = [example] if isinstance(example, (str, Path, Example)) else example
             return _by_examples(archive, several, asking)
+        from mocapidx.tasks.query_pattern import load_pattern, short_pattern
+
         if steps_of is not None:
             label, given_pattern = short_pattern(archive, *steps_of)
         else:
@@ -194,6 +188,8 @@ def _by_examples(
     if asking.select == "relax":
         if len(examples) != 1 or asking.mirror or asking.mode == "mismatch":
             raise ParameterError("--select relax takes one example, without --mirror or mismatches")
+        from mocapidx.tasks.relax import ask_relaxed
+
         return ask_relaxed(archive, examples[0], asking.mode, asking.rank, asking.top, asking.read)
     costs = costs_by(asking.rank, archive)
     mask = archive.feature_set.select(asking.select)
@@ -282,6 +278,14 @@ def _joined_remarks(pattern: Pattern, answers: Sequence[Answer]) -> Iterator[str
 
 
 def _by_scene(archive: Archive, path: str | Path, asking: Asking) -> Found:
+    from mocapidx.tasks.query_pattern import (
+        ask_scene,
+        explain_scene,
+        load_scene,
+        mirror_scene,
+        scene_mask,
+    )
+
     label, scene = load_scene(archive, path)
     answers = ask_scene(archive, scene, asking.mode, label)
     remarks = list(untrusted_remarks(archive.feature_set, answers, scene_mask(scene)))
@@ -308,6 +312,13 @@ def _found(
         for extra, one in zip(extras, chosen, strict=True):
             extra["mirrored"] = one.answer.mirrored
     if asking.explain:
+        from mocapidx.tasks.query_explain import (
+            agreements,
+            explain_hit,
+            explain_nothing,
+            step_records,
+        )
+
         example_of = _examples_of(questions)
         for rank, (extra, one) in enumerate(zip(extras, chosen, strict=True), start=1):
             steps = agreements(archive, one, example_of(one.answer))

@@ -6,18 +6,14 @@ from typing import Final, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mocapidx.alignment.banded import align_inside
-from mocapidx.alignment.coarse import full_region
-from mocapidx.alignment.distances import common_joints, pose_distance, word_distance
-from mocapidx.alignment.subsequence import shortest_match
 from mocapidx.errors import ParameterError
 from mocapidx.model import FloatArray, WordArray
 from mocapidx.queries.rank import length_costs
 from mocapidx.store.schema import FRAME_WORDS, POSES
 from mocapidx.tasks.answers import Answer, Archive
 from mocapidx.tasks.query_example import LoadedExample
-from mocapidx.templates.match import lowest_costs, match_documents
-from mocapidx.templates.quantise import Quantised
+
+# Alignment and templates are imported where they are needed: to rank by lengths needs neither.
 
 __all__ = ["RANKINGS", "Costs", "costs_by"]
 
@@ -89,6 +85,10 @@ def _dtw(archive: Archive, example: LoadedExample, answer: Answer) -> FloatArray
 
 
 def _pose_cost(example: FloatArray, found: FloatArray) -> float:
+    from mocapidx.alignment.banded import align_inside
+    from mocapidx.alignment.coarse import full_region
+    from mocapidx.alignment.distances import common_joints, pose_distance
+
     joints = common_joints(example, found)
     if joints.sum() < FEWEST_JOINTS:
         return UNKNOWN
@@ -97,6 +97,10 @@ def _pose_cost(example: FloatArray, found: FloatArray) -> float:
 
 
 def _word_cost(example: WordArray, found: WordArray, mask: int) -> float:
+    from mocapidx.alignment.banded import align_inside
+    from mocapidx.alignment.coarse import full_region
+    from mocapidx.alignment.distances import word_distance
+
     distance = word_distance(example, found, mask)
     path = align_inside(full_region(len(example), len(found)), distance)
     return float(path.costs.mean()) / max(mask.bit_count(), 1)
@@ -108,6 +112,10 @@ def _template(archive: Archive, example: LoadedExample, answer: Answer) -> Float
     The cost is the share of features that disagree along the best match; a hit that is less
     than half as long as the example is matched together with what is around it.
     """
+    from mocapidx.alignment.subsequence import shortest_match
+    from mocapidx.templates.match import lowest_costs, match_documents
+    from mocapidx.templates.quantise import Quantised
+
     if not len(answer.documents):
         return np.zeros(0)
     mask = np.uint64(_trusted(archive, example, answer))

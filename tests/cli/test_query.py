@@ -1,6 +1,8 @@
 import csv
 import io
 import json
+import subprocess
+import sys
 
 import pytest
 
@@ -89,3 +91,22 @@ def test_facts_are_taken_from_names_and_listed(mocapidx, fixtures_dir, tmp_path)
     table = mocapidx("info", store, "--where", "class = squat and not actor = ann").stdout
     assert "actor" in table.splitlines()[0]
     assert table.count("dov") >= 2
+
+
+def test_a_plain_query_imports_nothing_that_it_has_no_use_for(fixtures_store):
+    code = (
+        "import sys\nfrom mocapidx_cli.main import main\nsys.argv[0] = 'mocapidx'\n"
+        "try:\n    main()\nfinally:\n    sys.stderr.write('\\n'.join(sys.modules))"
+    )
+    query = ("query", str(fixtures_store), "--example", "takes/ann_take_120.amc@17:19")
+    done = subprocess.run(
+        [sys.executable, "-c", code, *query, "--select", "F17,F18,F20"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 0
+    imported = done.stderr.split()
+    heavy = ("templates", "alignment", "reports", "tasks.query_pattern", "queries.scene")
+    unused = tuple(f"mocapidx.{name}" for name in (*heavy, "tasks.relax", "tasks.oneshot"))
+    assert not [name for name in imported if name.startswith((*unused, "numpy.ma.", "scipy"))]
