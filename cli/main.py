@@ -114,6 +114,7 @@ def open_streams() -> None:
 
 def main() -> NoReturn:
     """Run the program; the entry point of the installed script."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # else NumPy starts a thread for each core
     try:
         listen_to_signals()
         open_streams()

@@ -34,6 +34,21 @@ def test_help_names_every_command_and_imports_none_of_the_heavy_libraries():
         assert text.split(".")[0][:40] in done.stdout
 
 
+@pytest.mark.parametrize(("given", "expected"), [(None, "1"), ("3", "3")])
+def test_numpy_starts_no_threads_unless_asked_to(given, expected):
+    code = (
+        "import os, sys\nfrom mocapidx_cli.main import main\nsys.argv = ['mocapidx', '--version']\n"
+        "try:\n    main()\nfinally:\n    sys.stderr.write(os.environ['OPENBLAS_NUM_THREADS'])"
+    )
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": given or ""}
+    if given is None:
+        del environment["OPENBLAS_NUM_THREADS"]
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env=environment, timeout=60
+    )
+    assert done.stderr == expected
+
+
 @pytest.mark.parametrize("name", COMMANDS)
 def test_the_help_of_a_command_begins_with_a_purpose_and_ends_with_an_example(mocapidx, name):
     done = mocapidx(name, "--help")
