@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from mocapidx.printable import count
+
 if TYPE_CHECKING:
     from mocapidx.tasks.annotate import Annotated
 
@@ -123,10 +125,9 @@ def annotate(
     for refused in annotated.refused:
         warn(refused.message)
     if annotated.assumed_rate and not quiet:
-        count, first = len(annotated.assumed_rate), annotated.assumed_rate[0]
+        files, first = count(len(annotated.assumed_rate), "AMC file"), annotated.assumed_rate[0]
         warn(
-            f"nothing says the rate of {count} AMC files, such as {first}: taken as 120 Hz; "
-            f"use --source-rate"
+            f"nothing says the rate of {files}, such as {first}: taken as 120 Hz; use --source-rate"
         )
     records = map(annotation_record, annotated.annotations)
     print_rows(records, row_format, output, ANNOTATION_COLUMNS)
@@ -138,7 +139,7 @@ def sentence(annotated: "Annotated") -> str:
     """Say in one line what was annotated."""
     minutes = annotated.frames / annotated.rate / 60
     text = (
-        f"{annotated.documents} documents, {minutes:.1f} minutes: "
-        f"{len(annotated.annotations)} annotations"
+        f"{count(annotated.documents, 'document')}, {minutes:.1f} minutes: "
+        f"{count(len(annotated.annotations), 'annotation')}"
     )
     return f"{text}; {len(annotated.refused)} could not be used" if annotated.refused else text

@@ -4,8 +4,10 @@ from pathlib import Path
 
 import click
 
+from mocapidx.printable import count
+
 from .options import lock_options, quiet_option, store_argument
-from .rows import count, note
+from .rows import note
 
 __all__ = ["compact"]
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mocapidx.printable import shown
+from mocapidx.printable import count, shown
 
 if TYPE_CHECKING:
     from mocapidx.tasks.index import IndexSummary
@@ -20,7 +20,7 @@ from .options import (
     reading_options,
 )
 from .progress import Bar
-from .rows import count, note, warn
+from .rows import note, warn
 
 __all__ = ["index"]
 
@@ -40,17 +40,13 @@ SKIPPED = 5  # exit code: done, but some inputs were skipped
 @click.option(
     "--rate",
     type=NumberRange(1, 1000),
-    default=30.0,
-    show_default=True,
     metavar="HZ",
-    help="Frames a second in a new store.",
+    help="Frames a second.  [default: the store's, 30 in a new one]",
 )
 @click.option(
     "--feature-set",
-    default="f39",
-    show_default=True,
     metavar="NAME|FILE",
-    help="Features of a new store: f39, f31 or a TOML file.",
+    help="Features: f39, f31 or a TOML file.  [default: the store's, f39 in a new one]",
 )
 @click.option(
     "--no-poses",
@@ -83,8 +79,8 @@ SKIPPED = 5  # exit code: done, but some inputs were skipped
 def index(
     inputs: tuple[Path, ...],
     store: Path,
-    rate: float,
-    feature_set: str,
+    rate: float | None,
+    feature_set: str | None,
     poses: bool,
     prune: bool,
     skip_bad: bool,
@@ -99,7 +95,8 @@ def index(
 ) -> int:
     """Read motion files and folders into a store.
 
-    Folders are searched all the way down for AMC files, with their ASF skeletons, and BVH files.
+    Folders are searched all the way down for AMC files, with their ASF skeletons, and BVH files;
+    hidden ones are left alone.
     What is new or has changed since the last run is read, what is unchanged is left alone; a run
     that was cut off goes on where it stopped.
 
@@ -137,7 +134,7 @@ def index(
         warn(refused.message)
     for warning in () if quiet else warnings(summary, inputs, verbose):
         warn(warning)
-    note(sentence(summary, store, rate), quiet)
+    note(sentence(summary, store), quiet)
     return SKIPPED if summary.refused else 0
 
 
@@ -154,6 +151,12 @@ def warnings(summary: "IndexSummary", inputs: tuple[Path, ...], verbose: bool) -
             f"nothing says the rate of {files}, taken as 120 Hz (--source-rate HZ says "
             f"otherwise){': ' if all_named else ', such as '}{names}"
         )
+    if summary.doubled:
+        files, (first, second) = count(len(summary.doubled), "file"), summary.doubled[0]
+        yield (
+            f"{files} in the store under two names, such as '{shown(first)}' and "
+            f"'{shown(second)}': name the same INPUT at every run, or the same --root"
+        )
     if verbose:
         yield from summary.oddities
     elif len(summary.oddities) == 1:
@@ -165,7 +168,7 @@ def warnings(summary: "IndexSummary", inputs: tuple[Path, ...], verbose: bool) -
         )
 
 
-def sentence(summary: "IndexSummary", store: Path, rate: float) -> str:
+def sentence(summary: "IndexSummary", store: Path) -> str:
     """Say in one line what a run of `index` did."""
     parts = [
         f"{summary.added} added",
@@ -178,7 +181,7 @@ def sentence(summary: "IndexSummary", store: Path, rate: float) -> str:
     if summary.passed_over:
         files = count(summary.passed_over, "file")
         parts.append(f"{files} of other kinds passed over")
-    minutes = summary.frames / rate / 60
+    minutes = summary.frames / summary.rate / 60
     read = "nothing to read"
     if summary.frames:
         read = f"{minutes:.1f} minutes of motion read in {summary.seconds:.1f} s"

@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from mocapidx.printable import count
+
 if TYPE_CHECKING:
     from mocapidx.tasks.learn import LearnedClass
 
@@ -50,6 +52,7 @@ REPETITIONS = ("none", "auto")
 @click.option(
     "--delta",
     type=NumberRange(0, 0.5, min_open=True, max_open=True),
+    metavar="SHARE",
     default=0.1,
     show_default=True,
     help="Share of examples that may disagree about an entry that still counts.",
@@ -100,16 +103,16 @@ def learn_mt(
         note(sentence(found, learning.templates.rate), quiet)
     for remark in learning.remarks:
         note(f"Note: {remark}", quiet)
-    note(f"{output}: {len(learning.templates.templates)} templates", quiet)
+    note(f"{output}: {count(len(learning.templates.templates), 'template')}", quiet)
 
 
 def sentence(found: "LearnedClass", rate: float) -> str:
     """Say in one line what was learned of a class."""
     template, threshold = found.template, found.threshold
-    text = f"{template.label}: {found.examples} examples"
+    text = f"{template.label}: {count(found.examples, 'example')}"
     if template.looping:
-        text += f" with {found.repetitions} repetitions"
-    text += f", {len(template.matrix) / rate:.2f} s, {template.passes} passes"
+        text += f" with {count(found.repetitions, 'repetition')}"
+    text += f", {len(template.matrix) / rate:.2f} s, {count(template.passes, 'pass', 'passes')}"
     if threshold.tau is not None:
         text += (
             f", costs {threshold.positive_cost:.3f} against {threshold.background_cost:.3f}, "

@@ -31,6 +31,7 @@ STEPS = ("weighted", "printed")
 @click.option(
     "--delta",
     type=NumberRange(0, 0.5, min_open=True, max_open=True),
+    metavar="SHARE",
     help="Share of examples that may disagree about an entry that still counts."
     "  [default: the template's]",
 )

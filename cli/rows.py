@@ -15,7 +15,7 @@ from .main import say
 if TYPE_CHECKING:
     from mocapidx.tasks.records import Record
 
-__all__ = ["count", "note", "print_rows", "row_options", "warn"]
+__all__ = ["note", "print_rows", "row_options", "warn"]
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -56,11 +56,6 @@ def print_rows(
             click.echo(line)
     else:
         save_text(lines, output)
-
-
-def count(number: int, noun: str) -> str:
-    """Say how many there are of what: 1 file, 2 files."""
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 def warn(message: str) -> None:

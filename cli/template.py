@@ -6,6 +6,8 @@ from typing import Any, TypeVar
 
 import click
 
+from mocapidx.printable import count
+
 from .options import NumberRange
 from .rows import note, print_rows, row_options
 
@@ -275,7 +277,7 @@ def edit(templates: Path, design: Path, output: Path) -> None:
     from mocapidx.tasks.template import edit_templates
 
     labels = edit_templates(templates, design, output)
-    note(f"{output}: {len(labels)} classes changed or added", quiet=False)
+    note(f"{output}: {count(len(labels), 'class', 'classes')} changed or added", quiet=False)
 
 
 @template.command(short_help="Make templates without any training.")
@@ -291,4 +293,4 @@ def new(design: Path, output: Path) -> None:
     from mocapidx.tasks.template import design_templates
 
     labels = design_templates(design, output)
-    note(f"{output}: {len(labels)} classes", quiet=False)
+    note(f"{output}: {count(len(labels), 'class', 'classes')}", quiet=False)

@@ -7,10 +7,10 @@ from pathlib import Path
 import click
 
 from mocapidx.errors import StoreError
-from mocapidx.printable import shown
+from mocapidx.printable import count, shown
 
 from .options import lock_options, quiet_option, store_argument
-from .rows import count, note
+from .rows import note
 
 __all__ = ["verify"]
 

@@ -1,6 +1,6 @@
 """Text from files made safe to show: nothing in a name may steer a terminal or split a line."""
 
-__all__ = ["shown"]
+__all__ = ["count", "shown"]
 
 LONGEST = 120  # characters; enough for any honest name, and a message stays one line
 
@@ -33,6 +33,29 @@ def shown(text: object, longest: int | None = LONGEST) -> str:
     if string.isprintable():
         return string
     return "".join(c if c.isprintable() else _escaped(c) for c in string)
+
+
+def count(number: int, noun: str, plural: str | None = None) -> str:
+    """Say how many there are of what.
+
+    Parameters
+    ----------
+    number : int
+    noun : str
+        One of them.
+    plural : str, optional
+        Several of them; by default with an s.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> count(1, "file"), count(2, "file"), count(0, "class", "classes")
+    ('1 file', '2 files', '0 classes')
+    """
+    return f"{number} {noun if number == 1 else plural or noun + 's'}"
 
 
 def _escaped(character: str) -> str:

@@ -1,6 +1,6 @@
 import pytest
 
-from mocapidx.printable import shown
+from mocapidx.printable import count, shown
 
 
 @pytest.mark.parametrize(
@@ -27,3 +27,8 @@ def test_long_names_lose_their_middle():
     short = shown("a" * 50 + "b" * 50, longest=21)
     assert short == "a" * 9 + "..." + "b" * 9
     assert shown("a" * 500, longest=None) == "a" * 500
+
+
+def test_one_is_not_several():
+    assert [count(number, "file") for number in (0, 1, 2)] == ["0 files", "1 file", "2 files"]
+    assert count(2, "class", "classes") == "2 classes"

@@ -16,6 +16,7 @@ import numpy as np
 
 from mocapidx.durable import replace_file, sync_folder, write_error
 from mocapidx.errors import MocapidxError, ParameterError, StoreError, WriteError
+from mocapidx.printable import count
 from mocapidx.store import schema
 from mocapidx.store.batch import Batch, batch_shapes, batch_size, check_batch
 from mocapidx.store.encoding import decode_manifest, encode_manifest, meta_json
@@ -228,13 +229,13 @@ class Writer:
                     sweep(self.path, self.manifest)
             if not isinstance(exc, OSError):
                 raise
-            count = sum(1 for _ in self.manifest.documents())
+            documents = count(sum(1 for _ in self.manifest.documents()), "document")
             raise write_error(
                 exc,
                 self.path,
                 subject=str(self.path),
                 needed=batch_size(batch) if batch else None,
-                unchanged=f"store unchanged ({count} documents)",
+                unchanged=f"store unchanged ({documents})",
             ) from exc
 
     def _fresh(self) -> Snapshot:
@@ -323,7 +324,7 @@ def _agreed(path: Path, create: StoreSettings | None) -> Manifest:
         raise StoreError(
             f"{path}: holds another feature set ({settings.feature_set_name!r}, digest "
             f"{settings.feature_set_digest[:12]}) than {create.feature_set_name!r} (digest "
-            f"{create.feature_set_digest[:12]}); give another --store for it"
+            f"{create.feature_set_digest[:12]}); leave --feature-set out or give another --store"
         )
     if create.rate != settings.rate:
         raise ParameterError(

@@ -4,7 +4,7 @@ import os
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 
 from mocapidx.errors import FormatError, Interrupted
 from mocapidx.features.featureset import FeatureSet, load_feature_set
-from mocapidx.printable import shown
+from mocapidx.printable import count, shown
 from mocapidx.store.manifest import Document, SegmentFile, StoreSettings
+from mocapidx.store.read import read_manifest
+from mocapidx.store.schema import MANIFEST
 from mocapidx.store.write import Batch, Writer, check_writable, writing
 from mocapidx.tasks.batch import make_batch, merged_batch, small_files
 from mocapidx.tasks.parallel import MapFunction, mapping
@@ -32,6 +34,11 @@ MOST_SEGMENT_FILES: Final = 20
 BATCH_BYTES: Final = 128 << 20
 """What waits in memory to be committed together, and the size up to which files are merged."""
 
+FEATURE_SET: Final = "f39"
+"""Of a new store, as its rate."""
+
+RATE: Final = 30.0
+
 JOBS_PER_WORKER: Final = 8
 """Starting a worker takes as long as reading a few files."""
 
@@ -42,10 +49,11 @@ class IndexOptions:
 
     Parameters
     ----------
-    feature_set : str
-        Name of a shipped feature set or path of a TOML file.
-    rate : float
-        Frames a second of the store, in Hz.
+    feature_set : str, optional
+        Name of a shipped feature set or path of a TOML file; by default the store's, f39 in a
+        new one.
+    rate : float, optional
+        Frames a second, in Hz; by default the store's, 30 in a new one.
     poses : bool
         Keep the joint positions in the store.
     prune : bool
@@ -68,8 +76,8 @@ class IndexOptions:
         Bytes of words and poses that are committed together.
     """
 
-    feature_set: str = "f39"
-    rate: float = 30.0
+    feature_set: str | None = None
+    rate: float | None = None
     poses: bool = True
     prune: bool = False
     skip_bad: bool = False
@@ -107,8 +115,12 @@ class IndexSummary:
         Documents of which nothing says the source rate.
     oddities : list of str
         What looks wrong about skeletons, with the document's name before it.
+    doubled : list of (str, str)
+        Names of documents that are one file.
     frames : int
         Frames read, at the store's rate.
+    rate : float
+        That rate, in Hz.
     seconds : float
     """
 
@@ -120,7 +132,9 @@ class IndexSummary:
     refused: list[Refused] = field(default_factory=list)
     assumed_rate: list[str] = field(default_factory=list)
     oddities: list[str] = field(default_factory=list)
+    doubled: list[tuple[str, str]] = field(default_factory=list)
     frames: int = 0
+    rate: float = RATE
     seconds: float = 0.0
 
 
@@ -162,15 +176,12 @@ def index_files(
     """
     options, store = options or IndexOptions(), Path(store)
     started = time.perf_counter()
-    feature_set = load_feature_set(options.feature_set)
+    settings = _settings(store, options)
     if options.name_pattern is not None:
         name_regex(options.name_pattern)
     check_writable(store)
     sources, passed_over = find_sources([Path(given) for given in inputs], options.root)
     summary = IndexSummary(passed_over=passed_over)
-    settings = StoreSettings(
-        options.rate, feature_set.name, feature_set.digest, feature_set.text, options.poses
-    )
     with writing(
         store,
         command="index",
@@ -178,8 +189,10 @@ def index_files(
         use_lock=options.use_lock,
         create=settings,
     ) as writer:
+        feature_set = store_feature_set(writer.snapshot, checked=True)
         known = {entry.document.name: entry.document for entry in writer.snapshot.documents()}
-        jobs = _jobs(sources, known, options, feature_set, writer.settings.poses)
+        jobs = _jobs(sources, known, options, feature_set, writer.settings)
+        summary.rate, summary.doubled = writer.settings.rate, _doubled(sources, known)
         summary.unchanged = len(sources) - len(jobs)
         workers = 1 if map_fn else min(options.jobs, len(jobs) // JOBS_PER_WORKER + 1)
         try:
@@ -194,9 +207,9 @@ def index_files(
             if len(writer.snapshot.files) > MOST_SEGMENT_FILES and len(small) > 1:
                 _merge(writer, small)
         except Interrupted as exc:
-            done = summary.added + summary.changed
+            documents = count(summary.added + summary.changed, "document")
             raise Interrupted(
-                exc.signal_number, f"stopped after {done} documents; run again to continue"
+                exc.signal_number, f"stopped after {documents}; run again to continue"
             ) from exc
     summary.seconds = time.perf_counter() - started
     return summary
@@ -233,21 +246,44 @@ def compact_store(
         return len(files), len(writer.snapshot.files)
 
 
+def _settings(store: Path, options: IndexOptions) -> StoreSettings:
+    """Leave to a store that is there what the options leave open."""
+    present = read_manifest(store).settings if os.path.lexists(store / MANIFEST) else None
+    usual = present.rate if present else RATE
+    rate = usual if options.rate is None else options.rate
+    if present and options.feature_set is None:
+        return replace(present, rate=rate)
+    feature_set = load_feature_set(options.feature_set or FEATURE_SET)
+    return StoreSettings(
+        rate, feature_set.name, feature_set.digest, feature_set.text, options.poses
+    )
+
+
+def _doubled(sources: Sequence[Source], known: Mapping[str, Document]) -> list[tuple[str, str]]:
+    """Find files that have been, or are to be, documents under two names."""
+    names = {str(document.source): name for name, document in known.items()}
+    pairs = []
+    for source in sources:
+        other = names.setdefault(str(source.path), source.name)
+        if other != source.name:
+            pairs.append((other, source.name))
+    return pairs
+
+
 def _jobs(
     sources: Sequence[Source],
     known: Mapping[str, Document],
     options: IndexOptions,
     feature_set: FeatureSet,
-    poses: bool,
+    settings: StoreSettings,
 ) -> list[Job]:
     jobs = []
     regex = None if options.name_pattern is None else name_regex(options.name_pattern)
     for source in sources:
         document, facts = known.get(source.name), name_facts(regex, source.name)
         if document is None or not is_unchanged(source, document, options.read, facts):
-            jobs.append(
-                Job(source, document, options.read, feature_set, options.rate, poses, facts)
-            )
+            rate, poses = settings.rate, settings.poses
+            jobs.append(Job(source, document, options.read, feature_set, rate, poses, facts))
     return jobs
 
 

@@ -39,7 +39,8 @@ def find_sources(
     """List the motion files among files and folders, folders searched all the way down.
 
     Symbolic links to files are read as the file they point to; links to folders are passed
-    over, so that no loop can arise.
+    over, so that no loop can arise. What is hidden in a folder, by a name that begins with a
+    dot, is left alone and not counted: the ``._walk.bvh`` of other systems is no motion.
 
     Parameters
     ----------
@@ -101,6 +102,8 @@ def _files(given: Path) -> Iterator[Path]:
         folder = folders.pop()
         below = sorted(_listing(folder), key=lambda entry: entry.name)
         for entry in below:
+            if entry.name.startswith("."):
+                continue
             if entry.is_dir(follow_symlinks=False):
                 folders.append(Path(entry.path))
             elif not (entry.is_symlink() and os.path.isdir(entry.path)):

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -243,6 +244,54 @@ def test_another_feature_set_or_rate_is_refused_with_advice(takes, tmp_path):
     index_files([takes], store)
     with pytest.raises((ParameterError, StoreError), match="rate"):
         index_files([takes], store, IndexOptions(rate=60.0))
+
+
+def test_a_store_says_itself_what_its_rate_and_features_are(takes, tmp_path):
+    store = tmp_path / "s.store"
+    first = IndexOptions(rate=60.0, feature_set="f31", poses=False)
+    index_files([takes / "walk"], store, replace(first, read=skeleton_of(takes)))
+    index_files([takes / "squat"], store, IndexOptions(read=skeleton_of(takes)))
+    index_files(
+        [takes / "walk", takes / "squat"],
+        tmp_path / "once.store",
+        replace(first, read=skeleton_of(takes)),
+    )
+    compact_store(store)
+    with open_store(store) as one, open_store(tmp_path / "once.store") as other:
+        assert one.manifest.settings == other.manifest.settings
+        assert one.manifest.settings.rate == 60
+    assert sorted(names(store)) == sorted(names(tmp_path / "once.store"))
+
+
+def test_the_summary_counts_minutes_at_the_rate_of_the_store(takes, tmp_path):
+    summary = index_files([takes], tmp_path / "s.store", IndexOptions(rate=60.0))
+    usual = index_files([takes], tmp_path / "t.store")
+    assert (summary.rate, usual.rate) == (60.0, 30.0)
+    assert summary.frames / 60 == pytest.approx(usual.frames / 30, rel=0.02)
+
+
+def test_a_file_under_two_names_is_reported(takes, tmp_path, mocapidx):
+    store = tmp_path / "s.store"
+    assert index_files([takes], store).doubled == []
+    again = index_files([takes / "walk"], store).doubled
+    assert len(again) == 3
+    assert all(first == f"walk/{second}" for first, second in again)
+    done = mocapidx("index", takes, takes / "squat", "--store", tmp_path / "t.store")
+    assert "3 files in the store under two names, such as 'ann_squat" in done.stderr
+    assert "and 'squat/ann_squat" in done.stderr
+    assert "--root" in done.stderr
+
+
+def test_what_is_hidden_in_a_folder_is_left_alone(takes, tmp_path):
+    (takes / "._walk.bvh").write_bytes(b"\0\5\26\7")
+    (takes / ".trash").mkdir()
+    shutil.copy2(next((takes / "walk").glob("*.amc")), takes / ".trash")
+    summary = index_files([takes], tmp_path / "s.store")
+    assert (summary.added, summary.passed_over) == (9, 0)
+
+
+def skeleton_of(takes):
+    return ReadOptions(skeleton=sorted(takes.glob("*.asf"))[0])
 
 
 def test_odd_names_never_reach_a_terminal_raw(takes, tmp_path, mocapidx):
