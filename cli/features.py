@@ -45,7 +45,7 @@ def features() -> None:
     """
 
 
-@features.command("list")
+@features.command("list", short_help="List feature sets.")
 @click.argument("sets", nargs=-1, metavar="[SET]...")
 @row_options
 def list_sets(sets: tuple[str, ...], row_format: str, output: Path) -> None:
@@ -61,7 +61,7 @@ def list_sets(sets: tuple[str, ...], row_format: str, output: Path) -> None:
     print_rows(set_records(sets), row_format, output, SET_COLUMNS)
 
 
-@features.command()
+@features.command(short_help="Show the features of a set.")
 @click.argument("name", metavar="SET", default="f39")
 @click.option(
     "--select",
@@ -83,7 +83,7 @@ def show(name: str, select: str, row_format: str, output: Path) -> None:
     print_rows(feature_records(named_set(name), select), row_format, output, FEATURE_COLUMNS)
 
 
-@features.command()
+@features.command(short_help="Check a set, and try it on motion.")
 @click.argument("name", metavar="SET")
 @inputs_argument
 @rate_option
@@ -117,7 +117,7 @@ def check(
     print_rows(records, row_format, output, task.CHECK_COLUMNS)
 
 
-@features.command()
+@features.command(short_help="Draw the values beneath features.")
 @click.argument("motion", type=click.Path(path_type=Path))
 @click.option(
     "--feature",
@@ -177,7 +177,7 @@ def plot(
     )
 
 
-@features.command("learn-threshold")
+@features.command("learn-threshold", short_help="Learn a feature's thresholds from examples.")
 @inputs_argument
 @click.option(
     "--positive",

@@ -21,7 +21,7 @@ from mocapidx.evaluation.metrics import (
 )
 from mocapidx.evaluation.truth import NOTHING, Judged, Stretch, confusion_seconds, judge_hits
 from mocapidx.model import FloatArray
-from mocapidx.printable import shown
+from mocapidx.printable import count, shown
 from mocapidx.store.read import open_store
 from mocapidx.tasks.found import Found, read_found
 from mocapidx.tasks.labels import LabelFile
@@ -320,8 +320,9 @@ def _evaluate_annotations(
     open_ends = sorted({each.document for each in truth if math.isinf(each.end)} - {*lengths})
     if open_ends:
         remarks.append(
-            f"{len(open_ends)} labels have no end, such as that of {shown(open_ends[0])}: taken "
-            "to last as long as the annotation (--store tells how long documents last)"
+            f"{count(len(open_ends), 'document')} labelled without an end, such as "
+            f"{shown(open_ends[0])}: taken to last as long as the annotation (--store tells how "
+            "long documents last)"
         )
     everything = confusion_seconds(said, truth, lengths)
     kept = {pair: time for pair, time in everything.items() if pair[0] in (*classes, NOTHING)}

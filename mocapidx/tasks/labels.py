@@ -11,7 +11,7 @@ from pathlib import Path, PurePosixPath
 from typing import Final
 
 from mocapidx.errors import FormatError, ParameterError
-from mocapidx.printable import shown
+from mocapidx.printable import count, shown
 from mocapidx.store.manifest import Document
 
 __all__ = ["Example", "Label", "LabelFile", "labels_from_names", "place_labels", "read_labels"]
@@ -222,7 +222,8 @@ def labels_from_names(names: Iterable[str], rule: str) -> LabelFile:
     if not labels:
         what = "lies in a folder" if rule == "folder" else "is fitted by the expression"
         raise ParameterError(f"--labels-from {shown(rule)}: no document {what}")
-    remarks = (f"--labels-from {shown(rule)}: {unfit} documents have no label",) if unfit else ()
+    lacking = count(unfit, "document")
+    remarks = (f"--labels-from {shown(rule)}: without a label: {lacking}",) if unfit else ()
     return LabelFile(tuple(labels), remarks)
 
 

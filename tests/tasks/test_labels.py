@@ -107,7 +107,7 @@ def test_folders_and_expressions_give_labels():
         ("squat/bd_1.amc", "squat"),
         ("deep/jog/bk_2.amc", "jog"),
     ]
-    assert "1 documents have no label" in by_folder.remarks[0]
+    assert "without a label: 1 document" in by_folder.remarks[0]
     by_match = labels_from_names(names, r"(?P<label>\w+)/(?P<group>[a-z]+)_")
     assert [(label.label, label.group) for label in by_match.labels] == [
         ("squat", "bd"),
