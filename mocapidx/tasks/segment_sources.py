@@ -92,9 +92,7 @@ def segment_source(snapshot: Snapshot, file: SegmentFile, feature_set: FeatureSe
     return Source(first_positions(lengths), lengths, parts)
 
 
-def document_groups(
-    file: SegmentFile, wanted: Container[int] | None = None
-) -> list[DocumentGroup]:
+def document_groups(file: SegmentFile, wanted: Container[int] | None = None) -> list[DocumentGroup]:
     """Group the live documents of a segment file by the features that they can't be trusted in.
 
     Parameters
