@@ -21,7 +21,7 @@ from mocapidx.features.featureset import AnyFeatureSet, FeatureSet, load_feature
 from mocapidx.reports.alignment import alignment_picture
 from mocapidx.reports.style import picture_format
 from mocapidx.store.read import open_store
-from mocapidx.tasks.query_example import parse_example
+from mocapidx.tasks.example import parse_example
 from mocapidx.tasks.read import ReadOptions
 from mocapidx.tasks.records import Record
 from mocapidx.tasks.segment_sources import store_feature_set

@@ -10,11 +10,11 @@ from mocapidx.model import FloatArray, Hit, IndexArray
 from mocapidx.printable import shown
 from mocapidx.store.manifest import Placed
 from mocapidx.tasks.answers import feature_names, open_archive
+from mocapidx.tasks.example import Example
 from mocapidx.tasks.hits import make_hit
 from mocapidx.tasks.oneshot_example import ExampleShot, read_example
 from mocapidx.tasks.oneshot_learn import learn_from_hits, stretch_name
 from mocapidx.tasks.oneshot_scan import Area, Ranking, choose_area, median_cost, rank
-from mocapidx.tasks.query_example import Example
 from mocapidx.tasks.read import ReadOptions
 from mocapidx.tasks.records import Record, hit_record
 from mocapidx.tasks.segment_sources import untrusted_mask

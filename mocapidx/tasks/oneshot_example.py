@@ -15,7 +15,7 @@ from mocapidx.printable import shown
 from mocapidx.skeleton.resample import resample_motion
 from mocapidx.store.manifest import Placed
 from mocapidx.store.read import Snapshot
-from mocapidx.tasks.query_example import Example, parse_example
+from mocapidx.tasks.example import Example, find_example, part_of
 from mocapidx.tasks.read import ReadOptions, read_take
 from mocapidx.tasks.segment_sources import untrusted_mask
 from mocapidx.tasks.store_poses import read_shot
@@ -74,14 +74,9 @@ def read_example(
     ParameterError
         If the part does not lie in it, is too long, or is of a store without poses.
     """
-    documents = {placed.document.name: placed for placed in snapshot.documents()}
-    if not isinstance(example, Example):
-        text = str(example)
-        whole = text in documents and not Path(text).exists()
-        example = Example(Path(text)) if whole else parse_example(text)
+    example, placed = find_example(example, snapshot)
     rate = snapshot.manifest.settings.rate
-    placed = documents.get(str(example.path))
-    if placed is not None and not example.path.exists():
+    if placed is not None:
         start, end = _part(example, placed.document.frames, rate)
         untrusted = untrusted_mask(placed.document)
         shot = _stored(snapshot, placed, start, end, feature_set)
@@ -98,13 +93,7 @@ def read_example(
 
 def _part(example: Example, frames: int, rate: float) -> tuple[int, int]:
     """Give the first frame and the end of the part that is asked for."""
-    start = round((example.start or 0.0) * rate)
-    end = frames if example.end is None else min(frames, round(example.end * rate))
-    if start >= end:
-        raise ParameterError(
-            f"{shown(str(example.path))}: lasts {frames / rate:.2f} s, "
-            f"the example starts at {start / rate:.2f} s"
-        )
+    start, end = part_of(example, frames, rate)
     if end - start > LONGEST_PATTERN:
         raise ParameterError(
             f"{shown(str(example.path))}: the example has {end - start} frames, at most "

@@ -18,15 +18,14 @@ from mocapidx.tasks.answers import (
     open_archive,
     untrusted_remarks,
 )
+from mocapidx.tasks.example import Example, parse_example
 from mocapidx.tasks.query_example import (
-    Example,
     LoadedExample,
     agreeing,
     ask_example,
     example_remarks,
     load_example,
     mirror_example,
-    parse_example,
 )
 from mocapidx.tasks.query_rank import RANKINGS, costs_by
 from mocapidx.tasks.read import ReadOptions

@@ -1,61 +1,34 @@
 """Query by example: what goes through the same steps as a motion file, or an indexed stretch."""
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 
-from mocapidx.errors import FormatError, ParameterError
-from mocapidx.features.extract import extract_features, untrusted_features
-from mocapidx.features.words import pack_words
+from mocapidx.errors import ParameterError
 from mocapidx.model import BoolArray, FloatArray, IndexArray, WordArray
-from mocapidx.printable import shown
 from mocapidx.queries.pattern import Pattern, pattern_from_query
 from mocapidx.queries.steps import mirror_bits, steps_from_example
-from mocapidx.skeleton.joints import CANONICAL_JOINTS, MIRROR
-from mocapidx.skeleton.resample import resample_motion
-from mocapidx.store.manifest import Placed
-from mocapidx.store.schema import FRAME_WORDS, POSES
+from mocapidx.skeleton.joints import MIRROR
 from mocapidx.tasks.answers import Answer, Archive, ask, feature_names
-from mocapidx.tasks.read import ReadOptions, read_take
-from mocapidx.tasks.segment_sources import untrusted_mask
+from mocapidx.tasks.example import (
+    Example,
+    find_example,
+    frames_of_document,
+    frames_of_file,
+    part_of,
+)
+from mocapidx.tasks.read import ReadOptions
 
 __all__ = [
-    "Example",
     "LoadedExample",
     "agreeing",
     "ask_example",
     "example_remarks",
     "load_example",
     "mirror_example",
-    "parse_example",
 ]
-
-PART_OF_FILE: Final = re.compile(r"(?P<file>.*)@(?P<start>[0-9.]*):(?P<end>[0-9.]*)", re.DOTALL)
-
-
-@dataclass(frozen=True, slots=True)
-class Example:
-    """A motion file or a document of the store, or a part of it.
-
-    Parameters
-    ----------
-    path : Path
-    start, end : float or None
-        In seconds; None: from the beginning, to the end.
-    """
-
-    path: Path
-    start: float | None = None
-    end: float | None = None
-
-    @property
-    def label(self) -> str:
-        """The name that its hits get."""
-        return self.path.stem
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,26 +56,6 @@ class LoadedExample:
     mirrored: bool = False
 
 
-def parse_example(text: str) -> Example:
-    """Understand ``FILE`` or ``FILE@START:END``, times in seconds, either may be left out.
-
-    Raises
-    ------
-    ParameterError
-        If a time is no number, or the end is not after the start.
-    """
-    match = PART_OF_FILE.fullmatch(text)
-    if match is None or Path(text).exists():
-        return Example(Path(text))
-    try:
-        start, end = (float(match[key]) if match[key] else None for key in ("start", "end"))
-    except ValueError:
-        raise ParameterError(f"{shown(text)}: START and END are seconds, such as @1.5:3") from None
-    if end is not None and end <= (start or 0.0):
-        raise ParameterError(f"{shown(text)}: END must be later than START")
-    return Example(Path(match["file"]), start, end)
-
-
 def load_example(
     archive: Archive, example: str | Path | Example, options: ReadOptions
 ) -> LoadedExample:
@@ -127,55 +80,15 @@ def load_example(
     ParameterError
         If the part does not lie in it.
     """
-    text = str(example)
-    if not isinstance(example, Example):
-        whole = None if Path(text).exists() else _document(archive, text)
-        example = parse_example(text) if whole is None else Example(Path(text))
-    name = str(example.path)
-    placed = None if example.path.exists() else _document(archive, name)
-    if placed is None and not example.path.exists():
-        store = shown(archive.snapshot.path)
-        raise FormatError(f"{shown(name)}: no such file, and no document of {store}")
-    loaded = _from_file(archive, example, options) if placed is None else _stored(archive, placed)
+    example, placed = find_example(example, archive.snapshot)
+    if placed is None:
+        read = frames_of_file(example.path, archive.feature_set, archive.rate, options)
+    else:
+        read = frames_of_document(archive.snapshot, placed)
     # Cut after extraction: velocities and hysteresis then know what came before.
-    rate, frames = archive.rate, len(loaded.words)
-    start = round((example.start or 0.0) * rate)
-    end = frames if example.end is None else min(frames, round(example.end * rate))
-    if start >= end:
-        raise ParameterError(
-            f"{shown(name)}: lasts {frames / rate:.2f} s, "
-            f"the example starts at {start / rate:.2f} s"
-        )
-    poses = None if loaded.poses is None else loaded.poses[start:end]
-    return replace(loaded, words=loaded.words[start:end], poses=poses)
-
-
-def _document(archive: Archive, name: str) -> Placed | None:
-    for place in archive.files:
-        for placed in place.placed:
-            if placed.document.live and placed.document.name == name:
-                return placed
-    return None
-
-
-def _from_file(archive: Archive, example: Example, options: ReadOptions) -> LoadedExample:
-    motion = resample_motion(read_take(example.path, options).motion, archive.rate)
-    words = pack_words(extract_features(motion, archive.feature_set, archive.rate))
-    untrusted = untrusted_features(motion, archive.feature_set)
-    poses = motion.positions.astype(np.float64)
-    poses[:, [joint in motion.made for joint in CANONICAL_JOINTS]] = np.nan
-    return LoadedExample(example.label, words, poses, untrusted)
-
-
-def _stored(archive: Archive, placed: Placed) -> LoadedExample:
-    document = placed.document
-    rows = (placed.frame_offset, placed.frame_offset + document.frames)
-    snapshot = archive.snapshot
-    words = snapshot.array(placed.file, FRAME_WORDS.path, *rows).astype(np.uint64)
-    poses = None
-    if snapshot.manifest.settings.poses:
-        poses = snapshot.array(placed.file, POSES.path, *rows).astype(np.float64)
-    return LoadedExample(Path(document.name).stem, words, poses, untrusted_mask(document))
+    start, end = part_of(example, len(read.words), archive.rate)
+    poses = None if read.poses is None else read.poses[start:end]
+    return LoadedExample(example.label, read.words[start:end], poses, read.untrusted)
 
 
 def mirror_example(example: LoadedExample, permutation: IndexArray) -> LoadedExample:

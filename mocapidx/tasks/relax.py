@@ -16,7 +16,8 @@ from mocapidx.printable import shown
 from mocapidx.queries.relax import relaxations
 from mocapidx.skeleton.joints import CANONICAL_JOINTS
 from mocapidx.tasks.answers import Answer, Archive, Found, best, feature_names
-from mocapidx.tasks.query_example import Example, LoadedExample, ask_example, load_example
+from mocapidx.tasks.example import Example
+from mocapidx.tasks.query_example import LoadedExample, ask_example, load_example
 from mocapidx.tasks.query_rank import costs_by
 from mocapidx.tasks.read import ReadOptions
 from mocapidx.templates.oneshot import OneShot, flipping_distances, signed_distances, weigh

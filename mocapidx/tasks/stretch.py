@@ -1,24 +1,19 @@
 """Motions to be compared frame by frame: feature words and poses, from files or a store."""
 
 from dataclasses import dataclass
-from pathlib import Path
 
-import numpy as np
-
-from mocapidx.errors import ParameterError
-from mocapidx.features.extract import extract_features, untrusted_features
 from mocapidx.features.featureset import FeatureSet
-from mocapidx.features.words import pack_words
 from mocapidx.model import FloatArray, WordArray
-from mocapidx.printable import shown
-from mocapidx.skeleton.joints import CANONICAL_JOINTS
-from mocapidx.skeleton.resample import resample_motion
 from mocapidx.store.read import Snapshot
-from mocapidx.store.schema import FRAME_WORDS
-from mocapidx.tasks.query_example import Example, parse_example
-from mocapidx.tasks.read import ReadOptions, read_take
-from mocapidx.tasks.segment_sources import untrusted_mask
-from mocapidx.tasks.stored import stored_poses
+from mocapidx.tasks.example import (
+    Example,
+    Frames,
+    find_example,
+    frames_of_document,
+    frames_of_file,
+    part_of,
+)
+from mocapidx.tasks.read import ReadOptions
 
 __all__ = ["Stretch", "stretch_of_file", "stretch_of_store"]
 
@@ -72,12 +67,8 @@ def stretch_of_file(
     ParameterError
         If the part does not lie in it.
     """
-    motion = resample_motion(read_take(example.path, read).motion, rate)
-    words = pack_words(extract_features(motion, feature_set, rate))
-    untrusted = untrusted_features(motion, feature_set)
-    poses = _without(motion.positions.astype(np.float64), motion.made)
-    name = example.path.name
-    return _cut(name, example, words & ~np.uint64(untrusted), untrusted, poses, rate)
+    frames = frames_of_file(example.path, feature_set, rate, read)
+    return _cut(example.path.name, example, frames, rate)
 
 
 def stretch_of_store(
@@ -103,48 +94,15 @@ def stretch_of_store(
     ------
     FormatError, ParameterError, StoreError
     """
-    places = {placed.document.name: placed for placed in store.documents()}
+    example, placed = find_example(text, store)
     rate = store.manifest.settings.rate
-    example = Example(Path(text)) if text in places else parse_example(text)
-    if example.path.exists():
+    if placed is None:
         return stretch_of_file(example, feature_set, rate, read)
-    name = text if text in places else str(example.path)
-    if name not in places:
-        raise ParameterError(f"{shown(name)}: neither a file nor a document of {shown(store.path)}")
-    placed = places[name]
-    document, start = placed.document, placed.frame_offset
-    stop = start + document.frames
-    words = store.array(placed.file, FRAME_WORDS.path, start, stop).astype(np.uint64)
-    poses: FloatArray | None = None
-    if store.manifest.settings.poses:
-        poses = _without(
-            stored_poses(store, placed).astype(np.float64), document.rig.get("made", ())
-        )
-    return _cut(name, example, words, untrusted_mask(document), poses, rate)
+    return _cut(placed.document.name, example, frames_of_document(store, placed), rate)
 
 
-def _without(positions: FloatArray, made: object) -> FloatArray:
-    """Forget the joints that a joint map made up."""
-    names = made if isinstance(made, (list, tuple)) else ()
-    positions[:, [joint in names for joint in CANONICAL_JOINTS]] = np.nan
-    return positions
-
-
-def _cut(
-    name: str,
-    example: Example,
-    words: WordArray,
-    untrusted: int,
-    poses: FloatArray | None,
-    rate: float,
-) -> Stretch:
+def _cut(name: str, example: Example, frames: Frames, rate: float) -> Stretch:
     # Cut after extraction: velocities and hysteresis then know what came before.
-    start = round((example.start or 0.0) * rate)
-    end = len(words) if example.end is None else min(len(words), round(example.end * rate))
-    if start >= end:
-        raise ParameterError(
-            f"{shown(name)}: lasts {len(words) / rate:.2f} s, "
-            f"nothing lies from {start / rate:.2f} s to {end / rate:.2f} s"
-        )
-    cut = None if poses is None else poses[start:end]
-    return Stretch(name, start, words[start:end], untrusted, cut)
+    start, end = part_of(example, len(frames.words), rate)
+    poses = None if frames.poses is None else frames.poses[start:end]
+    return Stretch(name, start, frames.words[start:end], frames.untrusted, poses)
