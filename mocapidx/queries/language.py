@@ -20,7 +20,7 @@ import numpy as np
 
 from mocapidx.errors import ParameterError
 from mocapidx.features.featureset import FeatureSet
-from mocapidx.printable import shown
+from mocapidx.printable import count, shown
 from mocapidx.queries.pattern import UNLIMITED, Block, Pattern
 from mocapidx.queries.steps import FuzzyQuery, FuzzySet
 
@@ -162,7 +162,9 @@ def _short_step(text: str, bits: Sequence[int]) -> Step:
     cubes = []
     for word in found["word"].split("|"):
         if len(word) != len(bits):
-            raise ParameterError(f"'{shown(text)}': {len(word)} digits for {len(bits)} features")
+            raise ParameterError(
+                f"'{shown(text)}': {count(len(word), 'digit')} for {count(len(bits), 'feature')}"
+            )
         digits = list(zip(word, bits, strict=True))
         mask = sum(bit for digit, bit in digits if digit != "x")
         cubes.append((mask, sum(bit for digit, bit in digits if digit == "1")))

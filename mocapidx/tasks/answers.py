@@ -12,6 +12,7 @@ import numpy as np
 
 from mocapidx.features.featureset import FeatureSet
 from mocapidx.model import FloatArray, Hit, IndexArray
+from mocapidx.printable import count
 from mocapidx.queries.evaluate import DocumentGroup, GroupHits, evaluate
 from mocapidx.queries.pattern import Pattern
 from mocapidx.queries.rank import ranking_order
@@ -348,12 +349,15 @@ def untrusted_remarks(
         if unknown := answer.group.untrusted & mask:
             key = (unknown, answer.pattern is None)
             counts[key] = counts.get(key, 0) + len(answer.group.documents)
-    for (unknown, refused), count in counts.items():
+    for (unknown, refused), number in counts.items():
         names = feature_names(feature_set, unknown)
+        several = count(number, "document")
+        whose = "its skeleton" if number == 1 else "their skeletons"
         if refused:
-            yield f"{count} documents can't be asked: their skeletons can't tell {names}"
+            yield f"{several} can't be asked: {whose} can't tell {names}"
         else:
-            yield f"in {count} documents {names} is left open: their skeletons can't tell it"
+            left, it = ("are", "them") if unknown.bit_count() > 1 else ("is", "it")
+            yield f"in {several} {names} {left} left open: {whose} can't tell {it}"
 
 
 def feature_names(feature_set: FeatureSet, mask: int) -> str:

@@ -7,7 +7,7 @@ from typing import Final
 
 from mocapidx.features.featureset import FeatureSet
 from mocapidx.model import FloatArray, Hit, IndexArray
-from mocapidx.printable import shown
+from mocapidx.printable import count, shown
 from mocapidx.store.manifest import Placed
 from mocapidx.tasks.answers import feature_names, open_archive
 from mocapidx.tasks.example import Example
@@ -246,9 +246,13 @@ def _remarks(
     for placed in documents:
         if mask := untrusted_mask(placed.document) & ~shot.untrusted:
             left_out[mask] = left_out.get(mask, 0) + 1
-    for mask, count in left_out.items():
+    for mask, number in left_out.items():
         names = feature_names(feature_set, mask)
-        remarks.append(f"in {count} documents {names} has no weight: they can't tell it")
+        has, it = ("have", "them") if mask.bit_count() > 1 else ("has", "it")
+        whose = "its skeleton" if number == 1 else "their skeletons"
+        remarks.append(
+            f"in {count(number, 'document')} {names} {has} no weight: {whose} can't tell {it}"
+        )
     return remarks
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from mocapidx.errors import ParameterError
-from mocapidx.printable import shown
+from mocapidx.printable import count, shown
 from mocapidx.queries.evaluate import evaluate, finder, in_documents
 from mocapidx.queries.files import parse_pattern, parse_scene, read_query_text
 from mocapidx.queries.language import parse_short, pattern_from_steps
@@ -217,8 +217,8 @@ def explain_scene(
         )
         for pattern in scene.progressions
     ]
-    for name, count in zip(scene.names, counts, strict=True):
-        yield f"progression '{shown(name)}' is found {count} times for itself"
+    for name, number in zip(scene.names, counts, strict=True):
+        yield f"progression '{shown(name)}' is found {count(number, 'time')} for itself"
     if chosen or not all(counts):
         return
     for place, condition in enumerate(scene.conditions):
@@ -227,8 +227,9 @@ def explain_scene(
             less = replace(scene, conditions=rest)
         except ParameterError:  # it alone links two progressions
             continue
-        if count := sum(len(a.documents) for a in ask_scene(archive, less, mode, "")):
-            yield f"without the condition '{_condition_text(scene, condition)}': {count} hits"
+        if number := sum(len(a.documents) for a in ask_scene(archive, less, mode, "")):
+            text = _condition_text(scene, condition)
+            yield f"without the condition '{text}': {count(number, 'hit')}"
 
 
 def _condition_text(scene: Scene, condition: Condition) -> str:

@@ -97,7 +97,7 @@ def test_repetitions_are_written_out_the_inner_ones_first():
     ("features", "text", "says"),
     [
         ("F20", "", "needs a step"),
-        ("F20", "00", "2 digits for 1 features"),
+        ("F20", "00", "2 digits for 1 feature"),
         ("F20,F20", "00", "twice"),
         ("F20", "2", "is no step"),
         ("F20", "1@2:1", "at least 2 s but at most 1 s"),

@@ -137,10 +137,10 @@ def test_documents_that_can_not_tell_are_counted(tmp_path):
     store = make_word_store(tmp_path / "s.store", documents, untrusted={"blind.amc": 1 << FOOT})
     answer = query_store(store, "kick.amc", select="F20,F17")
     assert {name for name, _, _ in found(answer)} == {"kick.amc", "blind.amc"}
-    assert answer.remarks == ("in 1 documents F17 is left open: their skeletons can't tell it",)
+    assert answer.remarks == ("in 1 document F17 is left open: its skeleton can't tell it",)
     answer = query_store(store, steps_of=("F17", "0 1 0"))
     assert {name for name, _, _ in found(answer)} == {"kick.amc"}
-    assert answer.remarks == ("1 documents can't be asked: their skeletons can't tell F17",)
+    assert answer.remarks == ("1 document can't be asked: its skeleton can't tell F17",)
 
 
 def test_a_hit_is_explained_step_by_step(store):
