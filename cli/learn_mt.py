@@ -96,23 +96,26 @@ def learn_mt(
     )
     with Bar("class", quiet) as bar:
         learning = learn_classes(
-            store, find_labels(store, labels, labels_from), options, progress=bar.show
+            store,
+            find_labels(store, labels, labels_from),
+            options,
+            progress=bar.show,
+            report=lambda found: bar.write(sentence(found)),
         )
     save_learning(learning, output)
-    for found in learning.classes:
-        note(sentence(found, learning.templates.rate), quiet)
     for remark in learning.remarks:
         note(f"Note: {remark}", quiet)
     note(f"{output}: {count(len(learning.templates.templates), 'template')}", quiet)
 
 
-def sentence(found: "LearnedClass", rate: float) -> str:
+def sentence(found: "LearnedClass") -> str:
     """Say in one line what was learned of a class."""
     template, threshold = found.template, found.threshold
     text = f"{template.label}: {count(found.examples, 'example')}"
     if template.looping:
         text += f" with {count(found.repetitions, 'repetition')}"
-    text += f", {len(template.matrix) / rate:.2f} s, {count(template.passes, 'pass', 'passes')}"
+    seconds = len(template.matrix) / template.rate
+    text += f", {seconds:.2f} s, {count(template.passes, 'pass', 'passes')}"
     if threshold.tau is not None:
         text += (
             f", costs {threshold.positive_cost:.3f} against {threshold.background_cost:.3f}, "

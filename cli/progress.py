@@ -3,6 +3,8 @@
 import sys
 from typing import Any
 
+from .main import say
+
 __all__ = ["Bar"]
 
 
@@ -14,11 +16,12 @@ class Bar:
     unit : str
         What is counted.
     quiet : bool
-        Draw none.
+        Draw none, write nothing.
     """
 
     def __init__(self, unit: str, quiet: bool) -> None:
         self.unit = unit
+        self.quiet = quiet
         self.hidden = quiet or not sys.stderr.isatty()
         self.bar: Any = None
 
@@ -42,3 +45,13 @@ class Bar:
             text = f"{frames} frames, {frames / seconds:.0f}/s"
             self.bar.set_postfix_str(text, refresh=False)
         self.bar.update(done - self.bar.n)
+
+    def write(self, line: str) -> None:
+        """Print a line above the bar, also where no bar is drawn."""
+        if self.quiet:
+            return
+        if self.bar is not None:
+            self.bar.clear()
+        say(line)
+        if self.bar is not None:
+            self.bar.refresh()

@@ -125,6 +125,7 @@ def learn_classes(
     options: LearnOptions | None = None,
     *,
     progress: Callable[[int, int], None] | None = None,
+    report: Callable[[LearnedClass], None] | None = None,
     map_fn: MapFunction | None = None,
 ) -> Learning:
     """Learn a template for each label.
@@ -137,6 +138,8 @@ def learn_classes(
     options : LearnOptions, optional
     progress : callable, optional
         Called with the number of classes done and of all.
+    report : callable, optional
+        Called with each class as soon as it is learned, in the order of the result.
     map_fn : callable, optional
         Runs the work, with the shape of ``map``; by default ``options.jobs`` processes.
 
@@ -164,6 +167,8 @@ def learn_classes(
     with mapping(jobs_at_once) if parallel else nullcontext(map_fn or map) as apply:
         for outcome in apply(learn_class, jobs):
             done.append(outcome)
+            if report is not None:
+                report(outcome)
             if progress is not None:
                 progress(len(done), len(jobs))
     templates = TemplateSet(
@@ -235,6 +240,7 @@ def _jobs(snapshot: Snapshot, labels: LabelFile, options: LearnOptions) -> list[
                 rate=settings.rate,
                 repetitions=options.repetitions,
                 delta=options.delta,
+                places=tuple(examples[n].label.where for n in own),
             )
         )
     return jobs

@@ -46,6 +46,8 @@ class ClassMotion:
         Each example is one repetition, or an unknown number of them.
     delta : float
         Entries below it count as 0, above ``1 - delta`` as 1.
+    places : tuple of str
+        Where the label of each example stands, for messages.
     """
 
     label: str
@@ -59,6 +61,7 @@ class ClassMotion:
     rate: float
     repetitions: str
     delta: float
+    places: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,6 +117,8 @@ def learn_class(job: ClassMotion) -> LearnedClass:
     ------
     ParameterError
         If an example is too short or too long.
+    FormatError
+        If one should hold repetitions, has none, and is too long to be one.
     """
     found = _templates(job, range(len(job.examples)))
     held_out: list[tuple[Quantised, list[Clip]]] = []
@@ -181,7 +186,8 @@ def _templates(job: ClassMotion, numbers: Sequence[int]) -> _Found:
         learned = learn_template([_entries(clip, job.features) for clip in clips])
         return _Found(learned, (), len(clips))
     bits = [unpack_words(clip.words, job.features) for clip in clips]
-    found = learn_repetitions(bits, job.rate)
+    places = [job.places[number] for number in numbers] if job.places else ()
+    found = learn_repetitions(bits, job.rate, places)
     unknown = np.array(
         [[clip.untrusted >> bit & 1 for bit in range(job.features)] for clip in clips], dtype=bool
     )

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mocapidx.alignment.dtw import LONGEST_SEQUENCE
 from mocapidx.alignment.loops import align_loops, byte_tables, join_loops
-from mocapidx.errors import ParameterError
+from mocapidx.errors import FormatError, ParameterError
 from mocapidx.features.words import pack_words, unpack_words
 from mocapidx.model import BoolArray, FloatArray, IndexArray, WordArray
 from mocapidx.templates.learn import Learned, learn_template
@@ -36,6 +37,7 @@ TOLERATED_FACTOR, TOLERATED_GAP = 1.15, 0.003  # a shorter period may be this mu
 MOST_LEFT = 0.6  # share of the differences within a motion that its period may leave unexplained
 SHORTEST_PASS = 4  # frames
 LEAST_PHASES = 0.6  # share of the template that a pass must cover
+MOST_EXAMPLES = 100  # passes that a template is learned from; work grows with their square
 ROUNDS = 3
 CLASS_ROUNDS = 2
 
@@ -190,7 +192,7 @@ def cut_passes(phases: IndexArray, length: int) -> list[tuple[int, int]]:
 
 
 def learn_stretch(
-    features: BoolArray, rate: float = 30.0
+    features: BoolArray, rate: float = 30.0, where: str = "the stretch"
 ) -> tuple[Learned, int | None, tuple[tuple[int, int], ...]]:
     """Learn one repetition from a stretch that holds several.
 
@@ -200,6 +202,8 @@ def learn_stretch(
         At least three frames.
     rate : float
         Frames a second, in Hz.
+    where : str
+        What an error calls the stretch.
 
     Returns
     -------
@@ -214,12 +218,13 @@ def learn_stretch(
     ------
     ParameterError
         If there are fewer than three frames.
+    FormatError
+        If it has no period and is too long to be one repetition.
     """
     words = pack_words(features)
-    whole = ((0, len(words)),)
     period = find_period(words, features.shape[1], rate)
     if period is None:
-        return learn_template([features]), None, whole
+        return _one_repetition(features, rate, where)
     seed = _best_seed(words, period)
     matrix: FloatArray = features[seed : seed + period].astype(np.float64)
     learned, passes = None, None
@@ -228,14 +233,33 @@ def learn_stretch(
         if not found or found == passes:
             break
         passes = found
-        learned = learn_template([features[start:end] for start, end in passes])
+        learned = learn_template(_examples([features[start:end] for start, end in passes]))
         matrix = learned.matrix
     if learned is None or passes is None:
-        return learn_template([features]), None, whole
+        return _one_repetition(features, rate, where)
     return learned, period, tuple(passes)
 
 
-def learn_repetitions(stretches: Sequence[BoolArray], rate: float = 30.0) -> Repetitions:
+def _one_repetition(
+    features: BoolArray, rate: float, where: str
+) -> tuple[Learned, None, tuple[tuple[int, int], ...]]:
+    if len(features) > LONGEST_SEQUENCE:
+        raise FormatError(
+            f"{where}: no repetitions were found in {len(features) / rate:.0f} s, and one "
+            f"repetition lasts at most {LONGEST_SEQUENCE / rate:.0f} s; label shorter parts of it"
+        )
+    return learn_template([features]), None, ((0, len(features)),)
+
+
+def _examples(passes: Sequence[BoolArray]) -> list[BoolArray]:
+    """Choose from very many passes some that are spread evenly over all."""
+    wanted = min(len(passes), MOST_EXAMPLES)
+    return [passes[number * len(passes) // wanted] for number in range(wanted)]
+
+
+def learn_repetitions(
+    stretches: Sequence[BoolArray], rate: float = 30.0, where: Sequence[str] = ()
+) -> Repetitions:
     """Learn a class from stretches that hold unknown numbers of repetitions.
 
     Each stretch gives a template; the one that explains all stretches most cheaply is looped
@@ -247,6 +271,8 @@ def learn_repetitions(stretches: Sequence[BoolArray], rate: float = 30.0) -> Rep
         At least one; each at least three frames long.
     rate : float
         Frames a second, in Hz.
+    where : sequence of str
+        What an error calls each stretch.
 
     Returns
     -------
@@ -256,11 +282,15 @@ def learn_repetitions(stretches: Sequence[BoolArray], rate: float = 30.0) -> Rep
     ------
     ParameterError
         If there is no stretch, or one has fewer than three frames.
+    FormatError
+        If one has no period and is too long to be one repetition.
     """
     if not stretches:
         raise ParameterError("there is no stretch to learn from")
+    named = where or [f"stretch {number}" for number in range(len(stretches))]
     learned, periods, passes = zip(
-        *(learn_stretch(features, rate) for features in stretches), strict=True
+        *(learn_stretch(each, rate, name) for each, name in zip(stretches, named, strict=True)),
+        strict=True,
     )
     words = [pack_words(features) for features in stretches]
     combined = min(learned, key=lambda one: sum(_loop_cost(w, one.matrix) for w in words))
@@ -270,10 +300,11 @@ def learn_repetitions(stretches: Sequence[BoolArray], rate: float = 30.0) -> Rep
             features[start:end]
             for features, own in zip(stretches, words, strict=True)
             for start, end in cut_passes(loop_align(own, combined.matrix), length)
+            if end - start <= LONGEST_SEQUENCE
         ]
         if not cut:
             break
-        combined = learn_template(cut)
+        combined = learn_template(_examples(cut))
     return Repetitions(learned, combined, periods, passes)
 
 

@@ -105,6 +105,20 @@ def test_stretches_of_many_repetitions_are_cut(tmp_path):
         assert 32 <= len(found.template.matrix) <= 48
 
 
+def test_a_long_stretch_without_repetitions_is_told_with_its_line(tmp_path):
+    takes = {"kick.amc": gesture("kick", np.random.default_rng(0)), "still.amc": rest(4200)}
+    store = make_word_store(tmp_path / "s.store", takes)
+    labels = labelled(tmp_path, "document,label\nkick.amc,kick\nstill.amc,still\n")
+    with pytest.raises(FormatError, match=r"labels.csv:3: no repetitions were found in 140 s"):
+        learn_classes(store, labels, LearnOptions(repetitions="auto"))
+
+
+def test_each_class_is_reported_when_it_is_learned(store):
+    told = []
+    learning = learn_classes(store, find_labels(store, labels_from="folder"), report=told.append)
+    assert tuple(told) == learning.classes
+
+
 def test_what_a_rig_cannot_tell_is_undecided_and_not_zero(tmp_path):
     documents = clips()
     lost = 1 << GESTURES["kick"][2]

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mocapidx.errors import ParameterError
+from mocapidx.errors import FormatError, ParameterError
 from mocapidx.features.extract import extract_features
 from mocapidx.features.words import pack_words
 from mocapidx.tasks.read import read_motion
@@ -110,6 +110,25 @@ def test_a_stretch_without_a_period_is_one_repetition():
     np.testing.assert_array_equal(template.matrix, features)
     assert period is None
     assert passes == ((0, 60),)
+
+
+def test_a_stretch_that_is_too_long_for_one_repetition_is_told_by_its_place():
+    still = np.zeros((4097, 5), dtype=bool)
+    with pytest.raises(FormatError, match=r"labels.csv:3: no repetitions .* in 137 s"):
+        learn_repetitions([movement(3, 40), still], where=("labels.csv:2", "labels.csv:3"))
+    with pytest.raises(FormatError, match="stretch 1: no repetitions"):
+        learn_repetitions([movement(3, 40), still])
+
+
+def test_a_take_of_minutes_is_learned_from_some_of_its_repetitions_and_all_are_counted(monkeypatch):
+    monkeypatch.setattr("mocapidx.templates.repetitions.MOST_EXAMPLES", 10)
+    rng = np.random.default_rng(4)
+    one = movement(8, 30)
+    learned, period, passes = learn_stretch(repeated(one, [30] * 150, rng, 0.02))
+    assert period == 30
+    assert 148 <= len(passes) <= 150
+    assert len(learned.spread) == 10
+    assert len(learned.matrix) == pytest.approx(30, abs=1)
 
 
 def test_a_class_learns_from_the_repetitions_of_all_its_stretches():
