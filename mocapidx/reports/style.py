@@ -42,6 +42,9 @@ CLASS_COLOURS: Final = (
 )  # fmt: skip
 """Told apart by the colour-blind as far as a dozen colours can be (after Paul Tol)."""
 
+SHADES: Final = ((0, 0.0), (0, 0.4), (255, 0.4))
+"""For each dozen of classes: mixed with black or white, and how much of it."""
+
 STYLE: Final[dict[Any, Any]] = {
     "figure.dpi": DPI,
     "savefig.dpi": DPI,
@@ -141,6 +144,12 @@ def render(figure: "Figure", suffix: str) -> bytes:
 
 
 def class_colours(labels: Iterable[str]) -> dict[str, str]:
-    """Give each class a colour, by the order of the names."""
-    ordered = sorted(set(labels))
-    return {label: CLASS_COLOURS[n % len(CLASS_COLOURS)] for n, label in enumerate(ordered)}
+    """Give each class a colour, by the order of the names; 36 classes have colours of their own."""
+    return {label: _colour(number) for number, label in enumerate(sorted(set(labels)))}
+
+
+def _colour(number: int) -> str:
+    dozen, place = divmod(number, len(CLASS_COLOURS))
+    other, share = SHADES[dozen % len(SHADES)]
+    parts = (int(CLASS_COLOURS[place][at : at + 2], 16) for at in (1, 3, 5))
+    return "#" + "".join(f"{round(part + share * (other - part)):02x}" for part in parts)

@@ -110,7 +110,13 @@ def test_where_no_match_can_end_nothing_is_drawn_and_nothing_fails():
 
 def test_colours_belong_to_classes_not_to_their_order():
     assert class_colours(["b", "a", "b"]) == class_colours(["a", "b"])
-    assert len(set(class_colours(map(str, range(12))).values())) == 12
+
+
+def test_three_dozen_classes_have_colours_that_can_be_told_apart():
+    colours = class_colours(f"{n:02d}" for n in range(36)).values()
+    parts = np.array([[int(colour[at : at + 2], 16) for at in (1, 3, 5)] for colour in colours])
+    apart = np.abs(parts[:, None] - parts).sum(axis=2)
+    assert apart[~np.eye(36, dtype=bool)].min() >= 28
 
 
 def test_settings_of_the_user_and_a_missing_home_change_nothing(tmp_path):
