@@ -67,6 +67,14 @@ STEPS = ("weighted", "printed")
     help="Entries of a keyframe that may disagree.  [default: the template's, else 3]",
 )
 @click.option(
+    "--min-overlap",
+    type=NumberRange(0, 1, max_open=True),
+    metavar="SHARE",
+    default=0.5,
+    show_default=True,
+    help="Hits that share more than this part of the shorter one are the same; the best stays.",
+)
+@click.option(
     "--profile",
     type=click.Path(dir_okay=False, path_type=Path),
     metavar="FILE.csv",
@@ -85,6 +93,7 @@ def retrieve(
     rivals: bool,
     keyframes: str,
     keyframe_tolerance: int | None,
+    min_overlap: float,
     profile: Path | None,
     row_format: str,
     output: Path,
@@ -111,6 +120,7 @@ def retrieve(
         rivals=rivals,
         keyframes=parse_keyframes(keyframes),
         keyframe_tolerance=keyframe_tolerance,
+        min_overlap=min_overlap,
     )
     found = retrieve_class(store, templates, label, options, profile=profile)
     for remark in found.remarks:

@@ -23,7 +23,14 @@ from mocapidx.tasks.segment_sources import document_groups, segment_source, stor
 from mocapidx.tasks.store_words import WordBatch, check_store, piece_batches, store_batches
 from mocapidx.templates.file import load_templates
 from mocapidx.templates.keyframes import TOLERANCE, Keyframes, choose_keyframes, preselect
-from mocapidx.templates.match import Hits, Matching, find_hits, match_documents, merge_hits
+from mocapidx.templates.match import (
+    SHARED,
+    Hits,
+    Matching,
+    find_hits,
+    match_documents,
+    merge_hits,
+)
 from mocapidx.templates.quantise import Quantised, quantise
 from mocapidx.templates.template import TAU, MotionTemplate, TemplateSet
 from mocapidx.templates.thresholds import beaten_by_rivals, own_threshold
@@ -57,6 +64,9 @@ class RetrieveOptions:
         it has none, rows chosen by rule; or these rows, from 0. That can lose hits.
     keyframe_tolerance : int, optional
         Entries of a keyframe that may disagree; default the template's, else 3.
+    min_overlap : float
+        Two hits are one, and the better one stays, if they share more than this part of the
+        shorter one; from 0 (no two hits overlap) up to, not including, 1.
 
     Raises
     ------
@@ -71,6 +81,7 @@ class RetrieveOptions:
     rivals: bool = True
     keyframes: KeyframeChoice = "none"
     keyframe_tolerance: int | None = None
+    min_overlap: float = SHARED
 
     def __post_init__(self) -> None:
         if self.tau is not None and not (math.isfinite(self.tau) and self.tau > 0):
@@ -79,6 +90,8 @@ class RetrieveOptions:
             raise ParameterError(f"top must be at least 1, got {self.top}")
         if self.keyframe_tolerance is not None and self.keyframe_tolerance < 0:
             raise ParameterError(f"tolerance must be 0 or more, got {self.keyframe_tolerance}")
+        if not 0 <= self.min_overlap < 1:
+            raise ParameterError(f"the overlap must be from 0 to below 1, got {self.min_overlap}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -256,10 +269,10 @@ def _hits(
     top: int | None = None,
 ) -> Hits:
     several = [
-        find_hits(matching, _threshold(template, options), top=top)
+        find_hits(matching, _threshold(template, options), top=top, shared=options.min_overlap)
         for template, matching in zip(templates, matchings, strict=True)
     ]
-    return several[0] if len(several) == 1 else merge_hits(several)
+    return several[0] if len(several) == 1 else merge_hits(several, options.min_overlap)
 
 
 def _unbeaten(

@@ -1,4 +1,5 @@
 import csv
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -74,6 +75,22 @@ def test_the_best_few_are_the_first_of_all(store, templates):
         assert few == everything[:top]
 
 
+def test_hits_share_no_more_than_allowed(store, templates):
+    counts = []
+    for share in (0.0, 0.5, 0.9):
+        options = RetrieveOptions(tau=0.5, min_overlap=share)
+        hits = retrieve(store, templates, "kick", options).hits
+        counts.append(len(hits))
+        for one, other in itertools.combinations(hits, 2):
+            if one.document == other.document:
+                common = min(one.end_frame, other.end_frame) - max(
+                    one.start_frame, other.start_frame
+                )
+                shorter = min(h.end_frame - h.start_frame for h in (one, other))
+                assert common <= share * shorter
+    assert counts[0] < counts[1] < counts[2]
+
+
 @pytest.mark.parametrize("steps", ["weighted", "printed"])
 def test_a_higher_tau_finds_more(store, templates, steps):
     counts = [
@@ -146,7 +163,9 @@ def test_a_class_that_is_not_there_is_told(store, templates):
         retrieve(store, templates, "jump")
 
 
-@pytest.mark.parametrize("values", [{"tau": 0.0}, {"tau": float("nan")}, {"top": 0}])
+@pytest.mark.parametrize(
+    "values", [{"tau": 0.0}, {"tau": float("nan")}, {"top": 0}, {"min_overlap": 1.0}]
+)
 def test_options_out_of_range_are_refused(values):
     with pytest.raises(ParameterError):
         RetrieveOptions(**values)
