@@ -13,19 +13,18 @@ import numpy as np
 
 from mocapidx.errors import FormatError, ParameterError
 from mocapidx.features.featureset import FeatureSet, parse_feature_set
-from mocapidx.model import Hit, IndexArray, WordArray
+from mocapidx.model import Hit
 from mocapidx.printable import shown
-from mocapidx.store.manifest import Document
 from mocapidx.store.read import Snapshot, open_store
 from mocapidx.store.schema import MANIFEST
 from mocapidx.tasks.hits import make_hit
 from mocapidx.tasks.parallel import MapFunction, mapping
 from mocapidx.tasks.prepare import Job, Prepared, Refused, prepare
 from mocapidx.tasks.read import ReadOptions
-from mocapidx.tasks.records import Record, hit_record
+from mocapidx.tasks.records import HIT_COLUMNS, Record, hit_record
 from mocapidx.tasks.segment_sources import untrusted_mask
 from mocapidx.tasks.sources import Source, find_sources
-from mocapidx.tasks.store_words import check_store, store_batches
+from mocapidx.tasks.store_words import WordBatch, check_store, store_batches
 from mocapidx.templates.file import load_templates
 from mocapidx.templates.match import find_hits, match_documents
 from mocapidx.templates.path import UNKNOWN_COST, annotate_words, loop_bank
@@ -42,17 +41,8 @@ __all__ = [
     "annotation_record",
 ]
 
-ANNOTATION_COLUMNS: Final = (
-    "document",
-    "start_time",
-    "end_time",
-    "source_start_frame",
-    "source_end_frame",
-    "label",
-    "repetitions",
-    "cost",
-)
-"""What a table shows of an annotation."""
+ANNOTATION_COLUMNS: Final = (*(name for name in HIT_COLUMNS if name != "rank"), "repetitions")
+"""The keys of an annotation, in their order."""
 
 JOBS_PER_WORKER: Final = 8
 """Starting a worker takes as long as annotating a few files."""
@@ -151,17 +141,6 @@ class Annotated:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Piece:
-    """Words of documents end to end, all with the same untrusted features."""
-
-    documents: tuple[Document, ...]
-    words: WordArray
-    bounds: IndexArray
-    untrusted: int
-    assumed_rate: bool = False
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class _Work:
     """What a worker needs besides the motion."""
 
@@ -173,7 +152,7 @@ class _Work:
 
 @dataclass(frozen=True, slots=True)
 class _Done:
-    """What a worker found in a piece."""
+    """What a worker found in a batch."""
 
     annotations: tuple[Annotation, ...]
     documents: tuple[str, ...]
@@ -232,7 +211,7 @@ def annotate_motion(
         for store in stores:
             check_store(store, known)
         total = _count_documents(sources, stores)
-        items = itertools.chain(sources, *map(_store_pieces, stores))
+        items = itertools.chain(sources, *map(store_batches, stores))
         jobs = min(options.jobs, -(-total // JOBS_PER_WORKER))
         parallel = jobs > 1 and map_fn is None
         apply = stack.enter_context(mapping(jobs) if parallel else nullcontext(map_fn or map))
@@ -284,55 +263,50 @@ def _count_documents(sources: Sequence[Source], stores: Sequence[Snapshot]) -> i
     return len(origins)
 
 
-def _store_pieces(store: Snapshot) -> Iterator[_Piece]:
-    for batch in store_batches(store):
-        yield _Piece(batch.documents, batch.words, batch.bounds, batch.untrusted)
-
-
-def _read_file(work: _Work, source: Source) -> _Piece | Refused:
-    job = Job(source, None, work.options.read, work.feature_set, work.rate, poses=False)
+def _annotate(work: _Work, item: Source | WordBatch) -> _Done | Refused:
+    """Annotate a motion file or documents of a store; runs in any process."""
+    if isinstance(item, WordBatch):
+        return _done(work, item, assumed_rate=False)
+    job = Job(item, None, work.options.read, work.feature_set, work.rate, poses=False)
     prepared = prepare(job)
     if not isinstance(prepared, Prepared):
-        return Refused(source.name, prepared.message if isinstance(prepared, Refused) else "")
-    return _Piece(
+        return Refused(item.name, prepared.message if isinstance(prepared, Refused) else "")
+    batch = WordBatch(
         (prepared.document,),
+        np.zeros(1, dtype=np.int64),
         prepared.words,
         np.array([0, len(prepared.words)]),
         untrusted_mask(prepared.document),
-        prepared.assumed_rate,
     )
+    return _done(work, batch, prepared.assumed_rate)
 
 
-def _annotate(work: _Work, item: Source | _Piece) -> _Done | Refused:
-    """Annotate a motion file or documents of a store; runs in any process."""
-    piece = _read_file(work, item) if isinstance(item, Source) else item
-    if isinstance(piece, Refused):
-        return piece
+def _done(work: _Work, batch: WordBatch, assumed_rate: bool) -> _Done:
     find = _path_annotations if work.options.method == "path" else _hit_annotations
     return _Done(
-        annotations=tuple(find(work, piece)),
-        documents=tuple(document.name for document in piece.documents),
-        frames=len(piece.words),
-        assumed_rate=piece.assumed_rate,
+        annotations=tuple(find(work, batch)),
+        documents=tuple(document.name for document in batch.documents),
+        frames=len(batch.words),
+        assumed_rate=assumed_rate,
     )
 
 
-def _path_annotations(work: _Work, piece: _Piece) -> Iterator[Annotation]:
+def _path_annotations(work: _Work, batch: WordBatch) -> Iterator[Annotation]:
     bank = loop_bank(
         [template.matrix for template in work.templates],
         [template.label for template in work.templates],
         rate=work.rate,
-        trusted=((1 << len(work.feature_set.ids)) - 1) & ~piece.untrusted,
+        trusted=((1 << len(work.feature_set.ids)) - 1) & ~batch.untrusted,
     )
     unknown = None if work.options.fill else UNKNOWN_COST
-    spans = zip(piece.documents, itertools.pairwise(piece.bounds.tolist()), strict=True)
+    spans = zip(batch.documents, itertools.pairwise(batch.bounds.tolist()), strict=True)
     for document, (start, stop) in spans:
-        for found in annotate_words(piece.words[start:stop], bank, unknown_cost=unknown):
+        for found in annotate_words(batch.words[start:stop], bank, unknown_cost=unknown):
             hit = make_hit(document, found.start, found.end, work.rate, found.cost, found.label)
             yield Annotation(hit, found.repetitions)
 
 
-def _hit_annotations(work: _Work, piece: _Piece) -> Iterator[Annotation]:
+def _hit_annotations(work: _Work, batch: WordBatch) -> Iterator[Annotation]:
     labels = list(dict.fromkeys(template.label for template in work.templates))
     found: dict[int, list[tuple[int, int, float, float, int]]] = {}
     for template in work.templates:
@@ -340,8 +314,8 @@ def _hit_annotations(work: _Work, piece: _Piece) -> Iterator[Annotation]:
         rivals = work.options.overlap == "rivals" and len(labels) > 1
         own = own_threshold(template, rivals)
         tau = own if work.options.tau is None else work.options.tau
-        quantised = quantise(template.matrix, template.delta).without(piece.untrusted)
-        hits = find_hits(match_documents(quantised, piece.words, piece.bounds), tau)
+        quantised = quantise(template.matrix, template.delta).without(batch.untrusted)
+        hits = find_hits(match_documents(quantised, batch.words, batch.bounds), tau)
         columns = (hits.documents, hits.starts, hits.ends, hits.costs)
         for document, start, end, cost in zip(*(c.tolist() for c in columns), strict=True):
             # A threshold of 0 has no hits, so the ratio is always there.
@@ -353,7 +327,7 @@ def _hit_annotations(work: _Work, piece: _Piece) -> Iterator[Annotation]:
             beaten = beaten_by_rivals(starts, ends, ratios, classes)
         for (start, end, cost, _, number), lost in zip(rows, beaten.tolist(), strict=True):
             if not lost:
-                record = piece.documents[document]
+                record = batch.documents[document]
                 hit = make_hit(record, start, end, work.rate, cost, labels[number])
                 yield Annotation(hit, 1.0)
 

@@ -322,3 +322,12 @@ def test_no_classes_found_is_an_empty_table(tmp_path, takes, template_file):
     assert done.exit_code == 0
     assert len(done.stdout.splitlines()) == 1
     assert done.stdout.startswith("document")
+
+
+def test_csv_has_one_header_with_and_without_rows(takes, template_file):
+    arguments = [str(takes), "--templates", str(template_file), "--format", "csv"]
+    some = CliRunner().invoke(command, [*arguments, "--fill"]).stdout.splitlines()
+    nothing = ["--method", "hits", "--tau", "1e-9", "--class", "walk"]
+    none = CliRunner().invoke(command, [*arguments, *nothing])
+    assert len(some) > 1
+    assert none.stdout.splitlines() == [some[0]] == [",".join([*ANNOTATION_KEYS, "repetitions"])]
