@@ -57,6 +57,7 @@ def plot() -> None:
 @click.option(
     "--tau",
     type=NumberRange(min=0, min_open=True),
+    metavar="COST",
     help="Threshold of all classes.  [default: the class's own, else 0.06]",
 )
 @click.option(
