@@ -1,13 +1,13 @@
 # make demo   set everything up and run the main job on motion that the project generates
 # make test   set everything up and pass all checks and tests
-# The rest:   dev lint types check bench fixtures clean
+# The rest:   dev lint types check bench fixtures pictures clean
 
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 WORK := build
 
-.PHONY: demo test dev lint types check bench fixtures clean
+.PHONY: demo test dev lint types check bench fixtures pictures clean
 
 demo: $(VENV)/.demo $(WORK)/fixtures/.done
 	$(BIN)/python fixtures/demo.py --fixtures $(WORK)/fixtures --output $(WORK)/demo
@@ -30,6 +30,9 @@ bench: $(VENV)/.bench $(WORK)/fixtures/.done
 	$(BIN)/python -m bench.run
 
 fixtures: $(WORK)/fixtures/.done
+
+pictures: demo
+	$(BIN)/python -m fixtures.pictures $(WORK)/demo
 
 $(WORK)/fixtures/.done: $(VENV)/.demo $(wildcard fixtures/*.py)
 	rm -rf $(WORK)/fixtures

@@ -9,6 +9,7 @@ import sys
 import click
 import pytest
 
+from fixtures.pictures import LARGEST, PICTURES
 from fixtures.session import README, commands, generate_place, renewed, run
 from mocapidx_cli.main import COMMANDS
 
@@ -86,3 +87,22 @@ def test_links_lead_somewhere(page):
     for target in re.findall(r"\]\(([^)#]+)[^)]*\)", page.read_text(encoding="utf-8")):
         if "://" not in target:
             assert (page.parent / target).exists(), target
+
+
+def test_the_pictures_are_small_and_shown():
+    text = README.read_text(encoding="utf-8")
+    pictures = sorted(PICTURES.iterdir())
+    assert pictures
+    for picture in pictures:
+        assert picture.stat().st_size < LARGEST
+        assert f"(docs/pictures/{picture.name})" in text
+
+
+@pytest.mark.parametrize("page", PAGES[1:], ids=lambda page: page.name)
+def test_the_readme_leads_to_every_page(page):
+    assert f"(docs/{page.name})" in README.read_text(encoding="utf-8")
+
+
+def test_the_changelog_tells_of_every_command():
+    text = (README.parent / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert [name for name in COMMANDS if f"`{name}" not in text] == []
