@@ -194,6 +194,8 @@ def pattern_from_steps(steps: Sequence[Step], rate: float) -> Pattern:
     """
     if len(steps) > MOST_STEPS:
         raise ParameterError(f"{len(steps)} steps; a pattern has at most {MOST_STEPS}")
+    if not steps:
+        raise ParameterError("a pattern needs a step")
     closed = [place for place, step in enumerate(steps) if step.demand is not None]
     if not closed:
         raise ParameterError("every step is open, so every motion would match")

@@ -142,7 +142,7 @@ def query_store(
         )
     by_example = kinds == ["example"]
     asking = Asking(
-        select or "all",
+        "all" if select is None else select,
         mode,
         mismatches,
         mismatch_at,

@@ -158,7 +158,7 @@ def test_a_pattern_file():
     ("text", "says"),
     [
         ("steps = [", "not TOML"),
-        ("steps = []", "every step is open"),
+        ("steps = []", "a pattern needs a step"),
         ("step = []", "'step' is no key here"),
         ("steps = [1]", "step 1: must be text or a table"),
         ("steps = ['F20', 'F99']", "step 2: 'F99' is no id"),

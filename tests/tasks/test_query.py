@@ -173,6 +173,7 @@ def test_only_one_kind_of_query_at_a_time(store):
         ({"example": "kick.amc", "scene": "kick-then-punch"}, "given are --example and --scene"),
         ({"steps_of": ("F20", "0 1"), "select": "F20"}, "--select is for examples"),
         ({"steps_of": ("F20", "0 1"), "rank": "dtw"}, "compares with an example"),
+        ({"example": "kick.amc", "select": ""}, "'' names no feature"),
         ({"example": "kick.amc", "rank": "odd"}, "length, dtw, template, none"),
         ({"example": "kick.amc", "mode": "odd"}, "exact, fuzzy, adaptive, mismatch"),
         ({"scene": "kick-then-punch", "mode": "mismatch"}, "not for a scene"),
