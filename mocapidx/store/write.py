@@ -331,6 +331,10 @@ def _agreed(path: Path, create: StoreSettings | None) -> Manifest:
             f"{path}: holds frames at {settings.rate:g} Hz, not {create.rate:g}; "
             "leave --rate out or give another --store"
         )
+    if settings.poses and not create.poses:
+        raise ParameterError(
+            f"{path}: keeps joint positions; leave --no-poses out or give another --store"
+        )
     return manifest
 
 

@@ -252,7 +252,7 @@ def _settings(store: Path, options: IndexOptions) -> StoreSettings:
     usual = present.rate if present else RATE
     rate = usual if options.rate is None else options.rate
     if present and options.feature_set is None:
-        return replace(present, rate=rate)
+        return replace(present, rate=rate, poses=present.poses and options.poses)
     feature_set = load_feature_set(options.feature_set or FEATURE_SET)
     return StoreSettings(
         rate, feature_set.name, feature_set.digest, feature_set.text, options.poses

@@ -263,6 +263,13 @@ def test_a_store_says_itself_what_its_rate_and_features_are(takes, tmp_path):
     assert sorted(names(store)) == sorted(names(tmp_path / "once.store"))
 
 
+def test_a_store_that_keeps_poses_goes_on_keeping_them(takes, tmp_path):
+    store = tmp_path / "s.store"
+    index_files([takes], store)
+    with pytest.raises(ParameterError, match="leave --no-poses out"):
+        index_files([takes], store, IndexOptions(poses=False))
+
+
 def test_the_summary_counts_minutes_at_the_rate_of_the_store(takes, tmp_path):
     summary = index_files([takes], tmp_path / "s.store", IndexOptions(rate=60.0))
     usual = index_files([takes], tmp_path / "t.store")
