@@ -158,7 +158,12 @@ def query_auto(
         answer = _ranked(area, pattern)
         if feedback and settings.poses:
             answer = _sharpened(area, answer, shot, signed, sigma, feature_set)
-        if feedback and settings.poses and not answer.accepted:
+        if not answer.median:
+            remarks.append(
+                "half of all places agree with the example in all that has weight: it says too "
+                "little, or the store holds copies of it"
+            )
+        elif feedback and settings.poses and not answer.accepted:
             remarks.append("no hit was near enough to sharpen the template with")
         if learn is not None:
             learn_from_hits(learn, shot, snapshot, answer.accepted)
@@ -272,7 +277,7 @@ def _sharpened(
     """Rank again with what the example and its nearest hits have in common."""
     ranking = first.ranking
     chosen = accept(ranking.costs, ranking.documents, first.median)
-    if not len(chosen):
+    if not len(chosen) or not first.median:  # hits that differ in nothing have nothing to add
         return first
     others, trust = [], []
     for hit in chosen.tolist():

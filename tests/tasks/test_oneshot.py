@@ -12,6 +12,7 @@ from mocapidx.store.sigma import read_sigma
 from mocapidx.tasks import oneshot_scan, sigma
 from mocapidx.tasks.index import IndexOptions, index_files
 from mocapidx.tasks.oneshot import auto_records, query_auto, weight_records
+from mocapidx.tasks.read import ReadOptions
 from mocapidx.tasks.retrieve import retrieve
 from mocapidx.templates.file import load_templates
 from tests.made_words import F39, make_word_store
@@ -239,6 +240,19 @@ def test_a_coarse_scan_keeps_the_best_hits(large_store, clips, monkeypatch, labe
     sure = [hit for hit, sure in zip(whole.hits, whole.sure, strict=True) if sure]
     found = [(hit.document, hit.end_frame) in places for hit in sure]
     assert sum(found) >= 0.9 * len(sure)
+
+
+def test_copies_of_the_example_are_all_found_and_sharpen_nothing(clips, tmp_path):
+    clip = clips / "squat" / "ann_squat_001_120.amc"
+    for copy in "abc":
+        shutil.copyfile(clip, tmp_path / f"{copy}_120.amc")
+    shutil.copyfile(clips / "ann.asf", tmp_path / "ann.asf")
+    options = IndexOptions(read=ReadOptions(skeleton=tmp_path / "ann.asf"))
+    index_files([tmp_path], tmp_path / "s.store", options)
+    found = query_auto(tmp_path / "s.store", clip)
+    assert [hit.cost for hit in found.hits[:3]] == [0, 0, 0]
+    assert found.accepted == ()
+    assert any("half of all places agree" in remark for remark in found.remarks)
 
 
 def test_features_that_documents_cannot_tell_have_no_weight(clips, tmp_path):
