@@ -125,13 +125,8 @@ def test_rows_without_a_consistent_feature_cost_nothing():
 
 
 @pytest.fixture
-def quiet_import(monkeypatch, tmp_path_factory):
-    """Import a peer without its warnings, and without compiling for a few small matrices.
-
-    Workers of the suite must not fill one cache at the same time: it breaks the import.
-    """
-    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path_factory.getbasetemp() / "numba"))
+def quiet_import():
+    """Import a peer without its warnings."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         yield pytest.importorskip
