@@ -108,18 +108,19 @@ def _points(
         if node in turning:
             frame: FloatArray = np.eye(3) if skeleton.axes is None else skeleton.axes[node]
             change = undo[parent] @ frame
-            turn = turns[parent]
+            turn, own = turns[parent], False  # the parent's must stay as it is
             if not np.array_equal(change, np.eye(3)):
-                turn = multiplied(turn, change)
+                turn, own = multiplied(turn, change), True
             for channel, kind in channels[node]:
                 if kind >= 3:
-                    turn = turned(turn, kind - 3, cosines[channel], sines[channel])
+                    by = cosines[channel], sines[channel]
+                    turn, own = turned(turn, kind - 3, *by, in_place=own), True
             turns[node] = turn
             undo[node] = frame.T
         offset = _offset(skeleton.offsets[node], channels[node], positions, values)
-        by = node if by_own and parent >= 0 else parent
-        if by >= 0:
-            offset = times_vector(turns[by], undo[by] @ offset)
+        turner = node if by_own and parent >= 0 else parent
+        if turner >= 0:
+            offset = times_vector(turns[turner], undo[turner] @ offset)
         points[node] = points[parent] + (offset if offset.ndim == 2 else offset[:, None])
     return points
 

@@ -11,7 +11,14 @@ __all__ = ["multiplied", "times_vector", "turned", "upright"]
 Up = Literal["x", "y", "z", "-x", "-y", "-z"]
 
 
-def turned(matrices: FloatArray, axis: int, cosines: FloatArray, sines: FloatArray) -> FloatArray:
+def turned(
+    matrices: FloatArray,
+    axis: int,
+    cosines: FloatArray,
+    sines: FloatArray,
+    *,
+    in_place: bool = False,
+) -> FloatArray:
     """Multiply matrices from the right by rotations about one coordinate axis.
 
     Parameters
@@ -22,19 +29,22 @@ def turned(matrices: FloatArray, axis: int, cosines: FloatArray, sines: FloatArr
         x, y or z.
     cosines, sines : ndarray of float, shape (T,)
         Of the angles, counter-clockwise seen from the tip of the axis.
+    in_place : bool
+        Overwrite `matrices`, which saves a copy.
 
     Returns
     -------
     ndarray of float, shape (3, 3, T)
         The products; only two columns differ from `matrices`.
     """
-    i, j, k = (axis + 1) % 3, (axis + 2) % 3, axis
-    product = np.empty(matrices.shape)
-    product[:, k] = matrices[:, k]
-    np.multiply(matrices[:, i], cosines, out=product[:, i])
-    product[:, i] += matrices[:, j] * sines
-    np.multiply(matrices[:, j], cosines, out=product[:, j])
-    product[:, j] -= matrices[:, i] * sines
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    product = matrices if in_place else matrices.copy()
+    one, other = product[:, i], product[:, j]
+    crossed = one * sines
+    one *= cosines
+    one += other * sines
+    other *= cosines
+    other -= crossed
     return product
 
 
