@@ -18,7 +18,7 @@ def test_every_package_is_installed():
 def test_every_data_file_of_a_package_is_installed():
     patterns = SETTINGS["tool"]["setuptools"]["package-data"]
     for path in (ROOT / "mocapidx").rglob("*"):
-        if path.is_dir() or path.suffix in {".py", ".pyc"}:
+        if path.is_dir() or path.suffix in {".py", ".pyc", ".c", ".h", ".so", ".pyd"}:
             continue
         owner = next(folder for folder in path.parents if (folder / "__init__.py").exists())
         package = ".".join(owner.relative_to(ROOT).parts)

@@ -1,0 +1,1 @@
+"""Optional compiled kernels; each has a twin in NumPy that gives the same bits."""

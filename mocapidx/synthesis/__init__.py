@@ -1,0 +1,1 @@
+"""New motion from examples: registration, blending, and steering by parameters."""
