@@ -9,9 +9,9 @@ ROOT = Path(__file__).parent.parent / "mocapidx"
 CLI = Path(__file__).parent.parent / "cli"
 
 LAYERS = (
-    *("errors", "printable", "model", "units", "kernels", "durable", "formats", "skeleton"),
-    *("features", "segments", "alignment", "store", "index", "queries", "templates"),
-    *("graphs", "synthesis", "evaluation", "reports", "tasks", "__init__"),
+    *("errors", "printable", "model", "units", "toml_files", "kernels", "durable"),
+    *("formats", "skeleton", "features", "segments", "alignment", "store", "index", "queries"),
+    *("templates", "graphs", "synthesis", "evaluation", "reports", "tasks", "__init__"),
 )
 LEVEL = {name: level for level, name in enumerate(LAYERS)}
 ALLOWED = {

@@ -15,6 +15,7 @@ from mocapidx.errors import FeatureSetError, ParameterError
 from mocapidx.features.parsing import PARTS, read_document
 from mocapidx.features.relations import Feature
 from mocapidx.model import IndexArray
+from mocapidx.toml_files import read_toml_text
 
 __all__ = [
     "PARTS",
@@ -26,7 +27,6 @@ __all__ = [
     "shipped_sets",
 ]
 
-MAX_BYTES: Final = 1 << 20
 SETS: Final = Path(__file__).parent / "sets"
 
 # Part of every digest: raise it when a formula changes, so that older stores are told apart.
@@ -133,7 +133,10 @@ def load_feature_set(name_or_path: AnyFeatureSet) -> FeatureSet:
         return name_or_path
     if str(name_or_path) in shipped_sets():
         return _load_shipped(str(name_or_path))
-    return parse_feature_set(_read_text(Path(name_or_path)), str(name_or_path))
+    shipped = f"; shipped sets are {', '.join(shipped_sets())}"
+    return parse_feature_set(
+        read_toml_text(name_or_path, FeatureSetError, shipped), str(name_or_path)
+    )
 
 
 def shipped_sets() -> tuple[str, ...]:
@@ -145,27 +148,6 @@ def shipped_sets() -> tuple[str, ...]:
 def _load_shipped(name: str) -> FeatureSet:
     text = (SETS / f"{name}.toml").read_text(encoding="utf-8")
     return parse_feature_set(text, f"{name}.toml")
-
-
-def _read_text(path: Path) -> str:
-    """Read a small regular file; a device or a pipe is never opened."""
-    try:
-        if not path.is_file():
-            shipped = ", ".join(shipped_sets())
-            raise FeatureSetError(
-                f"{str(path)!r} is neither a shipped feature set ({shipped}) nor a file"
-            )
-        with path.open("rb") as file:
-            octets = file.read(MAX_BYTES + 1)
-    except (OSError, ValueError) as exc:
-        reason = getattr(exc, "strerror", None) or exc
-        raise FeatureSetError(f"{str(path)!r}: can't be read: {reason}") from exc
-    if len(octets) > MAX_BYTES:
-        raise FeatureSetError(f"{path}: larger than {MAX_BYTES >> 20} MiB; not a feature set")
-    try:
-        return octets.decode("utf-8-sig")
-    except UnicodeDecodeError as exc:
-        raise FeatureSetError(f"{path}: not UTF-8 text at byte {exc.start}") from exc
 
 
 def parse_feature_set(text: str, where: str = "feature set") -> FeatureSet:

@@ -6,7 +6,6 @@ mistake is one line that names the feature, the key and what was expected.
 
 import math
 import re
-import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final, NoReturn
@@ -24,6 +23,7 @@ from mocapidx.features.relations import (
     normal_form,
 )
 from mocapidx.skeleton.joints import CANONICAL_JOINTS
+from mocapidx.toml_files import parse_toml
 
 __all__ = ["PARTS", "read_document"]
 
@@ -33,8 +33,6 @@ MAX_FEATURES: Final = 64
 MAX_IN_PART: Final = 31  # a word of 32 ones means something else in a sub-index
 MAX_CONDITIONS: Final = 64
 MAX_LEVELS: Final = 8
-MAX_LINE: Final = 2_000
-MAX_TEXT: Final = 1 << 20
 
 SET_KEYS: Final = ("name", "source", "feature")
 CONDITION_KEYS: Final = ("kind", "joints", "unit", "when", "on", "off", "of")
@@ -76,7 +74,7 @@ def read_document(text: str, where: str) -> tuple[str, str, tuple[Feature, ...]]
         If the text is not TOML or says something that a feature set can't.
     """
     place = _Place(where)
-    document = _load_toml(text, place)
+    document = parse_toml(text, where, FeatureSetError)
     _check_keys(document, SET_KEYS, place)
     name = _word(document, "name", place)
     source = _text(document, "source", place)
@@ -86,21 +84,6 @@ def read_document(text: str, where: str) -> tuple[str, str, tuple[Feature, ...]]
     if len(tables) > MAX_FEATURES:
         place.fail(f"has {len(tables)} features; a set has at most {MAX_FEATURES}")
     return name, source, _features(tables, place)
-
-
-def _load_toml(text: str, place: _Place) -> dict[str, Any]:
-    # The parser needs time quadratic in the length of a dotted key: bound the lines first.
-    if len(text) > MAX_TEXT:
-        place.fail("larger than 1 MiB; not a feature set")
-    for number, line in enumerate(text.split("\n"), start=1):
-        if len(line) > MAX_LINE:
-            place.fail(f"line {number} is longer than {MAX_LINE} characters")
-    try:
-        return tomllib.loads(text)
-    except RecursionError:
-        place.fail("is nested too deeply; not a feature set")
-    except ValueError as exc:
-        place.fail(f"is not TOML: {_shown(str(exc), 200)}")
 
 
 def _features(tables: list[Any], place: _Place) -> tuple[Feature, ...]:

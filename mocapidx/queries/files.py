@@ -2,7 +2,6 @@
 
 import math
 import re
-import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -19,11 +18,11 @@ from mocapidx.queries.language import (
 )
 from mocapidx.queries.pattern import Pattern
 from mocapidx.queries.scene import Condition, Place, Scene
+from mocapidx.toml_files import parse_toml, read_toml_text
 
 __all__ = ["parse_pattern", "parse_scene", "read_query_text", "shipped_scenes"]
 
 SCENES: Final = Path(__file__).parent / "scenes"
-MOST_BYTES: Final = 1 << 20
 MOST_PROGRESSIONS: Final = 32
 MOST_CONDITIONS: Final = 256
 DEEPEST: Final = 8
@@ -60,21 +59,8 @@ def read_query_text(path: str | Path, *, shipped: bool = False) -> str:
     """
     if shipped and str(path) in shipped_scenes():
         return (SCENES / f"{path}.toml").read_text(encoding="utf-8")
-    place, others = Path(path), f"; shipped are {', '.join(shipped_scenes())}" if shipped else ""
-    try:
-        if not place.is_file():
-            raise FormatError(f"{shown(path)}: no such file, or no regular file{others}")
-        with place.open("rb") as file:
-            octets = file.read(MOST_BYTES + 1)
-    except (OSError, ValueError) as exc:
-        reason = getattr(exc, "strerror", None) or exc
-        raise FormatError(f"{shown(path)}: can't be read ({reason})") from exc
-    if len(octets) > MOST_BYTES:
-        raise FormatError(f"{shown(path)}: larger than {MOST_BYTES >> 20} MiB")
-    try:
-        return octets.decode("utf-8-sig")
-    except UnicodeDecodeError as exc:
-        raise FormatError(f"{shown(path)}: not UTF-8 text at byte {exc.start}") from exc
+    others = f"; shipped are {', '.join(shipped_scenes())}" if shipped else ""
+    return read_toml_text(path, hint=others)
 
 
 def parse_pattern(
@@ -103,7 +89,7 @@ def parse_pattern(
     FormatError
         If it is not TOML, or says something that a pattern can't; the message names the step.
     """
-    tree = _toml(text, where)
+    tree = parse_toml(text, where)
     _only(tree, {"name", "steps", "of"}, where)
     name = _text(tree.get("name", ""), "name", where)
     return name, _pattern(tree, feature_set, rate, where)
@@ -130,7 +116,7 @@ def parse_scene(
     FormatError
         If it is not TOML, or says something that a scene can't; the message names the place.
     """
-    tree = _toml(text, where)
+    tree = parse_toml(text, where)
     _only(tree, {"name", "progressions", "conditions"}, where)
     progressions = tree.get("progressions")
     if type(progressions) is not dict or not 1 <= len(progressions) <= MOST_PROGRESSIONS:
@@ -156,13 +142,6 @@ def parse_scene(
     except ParameterError as exc:
         raise FormatError(f"{where}: {exc}") from exc
     return _text(tree.get("name", ""), "name", where), scene
-
-
-def _toml(text: str, where: str) -> dict[str, Any]:
-    try:
-        return tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError, ValueError) as exc:
-        raise FormatError(f"{where}: not TOML: {' '.join(str(exc).split())}") from exc
 
 
 def _only(tree: Mapping[str, Any], keys: set[str], where: str) -> None:

@@ -5,7 +5,6 @@ collar bone in one convention and the shoulder in another.
 """
 
 import re
-import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
@@ -18,6 +17,7 @@ from mocapidx.errors import FeatureSetError, FormatError
 from mocapidx.model import Skeleton
 from mocapidx.printable import shown
 from mocapidx.skeleton.joints import CANONICAL_JOINTS, INDEX
+from mocapidx.toml_files import parse_toml, read_toml_text
 
 __all__ = [
     "Between",
@@ -31,7 +31,6 @@ __all__ = [
 
 OPTIONAL: Final = frozenset({"ltoes", "rtoes", "lfingers", "rfingers", "headtop"})
 KEYS: Final = frozenset({"name", "source", "strip", "needs", "lacks", "joints"})
-LARGEST: Final = 1024 * 1024  # bytes of a user's own map
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,20 +212,8 @@ def load_joint_map(path: Path) -> JointMap:
     FeatureSetError
         If the file can't be read or is no joint map; the message names entry and key.
     """
-    where = shown(path, None)
-    try:
-        if not path.is_file():
-            found = "is no plain file" if path.exists() else "no such file"
-            raise FeatureSetError(f"{where}: {found}; expected a joint map in TOML")
-        with path.open("rb") as file:
-            data = file.read(LARGEST + 1)
-        if len(data) > LARGEST:
-            raise FeatureSetError(f"{where}: larger than 1 MiB; not a joint map")
-        return parse_joint_map(data.decode("utf-8"), where)
-    except OSError as exc:
-        raise FeatureSetError(f"{where}: can't be read: {exc.strerror}") from exc
-    except UnicodeDecodeError as exc:
-        raise FeatureSetError(f"{where}: not UTF-8 text; a joint map is TOML") from exc
+    text = read_toml_text(path, FeatureSetError, "; expected a joint map in TOML")
+    return parse_joint_map(text, shown(path, None))
 
 
 def parse_joint_map(text: str, where: str) -> JointMap:
@@ -249,11 +236,7 @@ def parse_joint_map(text: str, where: str) -> JointMap:
     FeatureSetError
         If the text is no joint map; the message names entry and key.
     """
-    try:
-        table = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as exc:
-        reason = shown(exc) if isinstance(exc, tomllib.TOMLDecodeError) else "nested too deeply"
-        raise FeatureSetError(f"{where}: not TOML: {reason}") from exc
+    table = parse_toml(text, where, FeatureSetError)
     for key in table.keys() - KEYS:
         raise FeatureSetError(f"{where}: unknown key '{shown(key)}', expected {_listed(KEYS)}")
     strip = _text(table, "strip", where, default="")

@@ -10,7 +10,7 @@ from mocapidx.features.featureset import FeatureSet, load_feature_set, parse_fea
 from mocapidx.printable import shown
 from mocapidx.tasks.records import Record
 from mocapidx.tasks.template_records import template_facts
-from mocapidx.templates.designs import MAX_TEXT, apply_design, parse_designs
+from mocapidx.templates.designs import apply_design, parse_designs
 from mocapidx.templates.edit import (
     combine_templates,
     mask_template,
@@ -20,6 +20,7 @@ from mocapidx.templates.edit import (
 )
 from mocapidx.templates.file import load_templates, save_templates
 from mocapidx.templates.template import MotionTemplate, TemplateSet
+from mocapidx.toml_files import read_toml_text
 
 __all__ = [
     "combine_classes",
@@ -283,7 +284,7 @@ def design_templates(design_path: Path, output: Path) -> tuple[str, ...]:
     ------
     FeatureSetError, FormatError, ParameterError, WriteError
     """
-    designs = parse_designs(_read_text(design_path), shown(design_path))
+    designs = parse_designs(read_toml_text(design_path), shown(design_path))
     feature_set = load_feature_set(designs.feature_set or "f39")
     empty = TemplateSet(
         (), feature_set.name, feature_set.digest, feature_set.text, designs.rate or NEW_RATE
@@ -293,7 +294,7 @@ def design_templates(design_path: Path, output: Path) -> tuple[str, ...]:
 
 def _designed(templates: TemplateSet, design_path: Path, output: Path) -> tuple[str, ...]:
     feature_set = template_features(templates)
-    designs = parse_designs(_read_text(design_path), shown(design_path))
+    designs = parse_designs(read_toml_text(design_path), shown(design_path))
     _check_settings(designs.feature_set, designs.rate, templates, shown(design_path))
     for design in designs.designs:
         if design.frames is None and not templates.templates:
@@ -320,21 +321,6 @@ def _check_settings(
             )
     if rate is not None and rate != templates.rate:
         raise FormatError(f"{where}: key 'rate': {rate:g}, the templates have {templates.rate:g}")
-
-
-def _read_text(path: Path) -> str:
-    """Read a small regular file; a device or a pipe is never opened."""
-    try:
-        if not path.is_file():
-            raise FormatError(f"{shown(path)}: no such file, or no regular file")
-        with path.open("rb") as file:
-            data = file.read(MAX_TEXT + 1)
-    except OSError as exc:
-        raise FormatError(f"{shown(path)}: can't be read ({exc.strerror})") from exc
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError as exc:
-        raise FormatError(f"{shown(path)}: not UTF-8 text at byte {exc.start}") from exc
 
 
 def _class_templates(templates: TemplateSet, label: str) -> list[MotionTemplate]:

@@ -1,7 +1,6 @@
 """Templates from TOML: changes to learned ones, and new ones without any training."""
 
 import math
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final, Literal, NoReturn
@@ -11,11 +10,10 @@ from mocapidx.features.featureset import FeatureSet
 from mocapidx.printable import shown
 from mocapidx.templates.edit import UNDECIDED, new_template, set_entries, with_keyframes
 from mocapidx.templates.template import LONGEST_TEMPLATE, MotionTemplate, TemplateSet
+from mocapidx.toml_files import parse_toml
 
 __all__ = ["Block", "Design", "Designs", "apply_design", "parse_designs"]
 
-MAX_TEXT: Final = 1 << 20
-MAX_LINE: Final = 2_000  # the parser's time grows with the square of a dotted key
 FILE_KEYS: Final = ("feature_set", "rate", "template")
 TEMPLATE_KEYS: Final = (
     "class",
@@ -229,7 +227,7 @@ def parse_designs(text: str, where: str) -> Designs:
     FormatError
         If the text is not TOML or says something that can't be; the message names table and key.
     """
-    document = _Table(_load(text, where), where)
+    document = _Table(parse_toml(text, where), where)
     document.check_keys(FILE_KEYS)
     tables = document.tables("template")
     if not tables:
@@ -239,20 +237,6 @@ def parse_designs(text: str, where: str) -> Designs:
         rate=document.number("rate", 1.0, 1000.0),
         designs=tuple(map(_design, tables)),
     )
-
-
-def _load(text: str, where: str) -> dict[str, Any]:
-    if len(text) > MAX_TEXT:
-        raise FormatError(f"{where}: larger than {MAX_TEXT >> 20} MiB")
-    for number, line in enumerate(text.split("\n"), start=1):
-        if len(line) > MAX_LINE:
-            raise FormatError(f"{where}:{number}: longer than {MAX_LINE} characters")
-    try:
-        return tomllib.loads(text)
-    except RecursionError as exc:
-        raise FormatError(f"{where}: is nested too deeply") from exc
-    except ValueError as exc:
-        raise FormatError(f"{where}: is not TOML: {shown(exc)}") from exc
 
 
 def _design(table: _Table) -> Design:

@@ -327,7 +327,7 @@ def test_any_text_is_read_or_refused(text):
 
 @pytest.mark.parametrize("name", ["f40", "no/such.toml", "", ".", "a\0b"])
 def test_what_is_neither_a_set_nor_a_file_is_told_so(name):
-    with pytest.raises(FeatureSetError, match=r"neither a shipped feature set .*f39"):
+    with pytest.raises(FeatureSetError, match="; shipped sets are f31, f39"):
         load_feature_set(name)
 
 
@@ -340,7 +340,7 @@ def test_files_that_are_no_small_text_are_refused(tmp_path):
     with pytest.raises(FeatureSetError, match="larger than 1 MiB"):
         load_feature_set(path)
     os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(FeatureSetError, match="neither a shipped feature set"):
+    with pytest.raises(FeatureSetError, match="is no plain file"):
         load_feature_set(tmp_path / "pipe")
 
 

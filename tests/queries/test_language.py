@@ -243,7 +243,7 @@ def test_the_shipped_scenes_can_be_read_for_the_shipped_features():
 def test_files_that_can_not_be_read_are_one_line(tmp_path):
     binary = tmp_path / "binary.toml"
     binary.write_bytes(b"\xff\xfe")
-    for path, says in ((tmp_path, "no regular file"), (binary, "not UTF-8")):
+    for path, says in ((tmp_path, "no plain file"), (binary, "not UTF-8")):
         with pytest.raises(FormatError, match=says):
             read_query_text(path)
     with pytest.raises(FormatError, match="shipped are kick-then-punch"):

@@ -169,7 +169,7 @@ def test_a_map_of_ones_own_has_the_form_of_the_shipped_ones(tmp_path):
         ("[joints]", "strip = '('\n[joints]", "strip is no regular expression"),
         ("[joints]", "needs = 'a'\n[joints]", "needs: expected a name or a list of names"),
         ("[joints]", "[joint]", "unknown key 'joint'"),
-        ("[joints]", "[joints", "not TOML"),
+        ("[joints]", "[joints", "is not TOML"),
     ],
 )
 def test_a_wrong_map_is_one_line_with_entry_and_key(old, new, reason):
@@ -188,8 +188,8 @@ def test_files_that_are_no_maps_are_one_line(tmp_path):
     path.write_bytes(b"\xff\xfe")
     with pytest.raises(FeatureSetError, match="not UTF-8"):
         load_joint_map(path)
-    path.write_text("a = " + "[" * 100_000)
-    with pytest.raises(FeatureSetError, match="not TOML"):
+    path.write_text("a = " + "[" * 1900)
+    with pytest.raises(FeatureSetError, match="nested too deeply|not TOML"):
         load_joint_map(path)
     path.write_bytes(b"#" * 2_000_000)
     with pytest.raises(FeatureSetError, match="larger than 1 MiB"):

@@ -121,7 +121,7 @@ SET = HEAD + "[[template.set]]\n"
         (SET + "features = 'F1'\nvalue = 1\nframes = [0.5, 3]", "expected whole numbers"),
         (SET + "features = 'F1'\nvalue = 1\nseconds = [0, inf]", "two rising numbers"),
         (SET + "features = 'F1'\nvalue = 1\nseconds=[0,1]\nframes=[0,1]", "both 'frames' and"),
-        ("a" * 3000, "d.toml:1: longer than 2000 characters"),
+        ("a" * 3000, "d.toml: line 1 is longer than 2000 characters"),
         ("x\n" * (1 << 20), "larger than 1 MiB"),
         ("x = " + "[" * 1900, "(?:nested too deeply|not TOML)"),
     ],
