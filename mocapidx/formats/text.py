@@ -1,7 +1,8 @@
-"""Text files read safely: what is no plain file is refused, and nothing unbounded is read."""
+"""Files read safely: what is no plain file is refused, and nothing unbounded is read."""
 
 import os
 import stat
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Final
@@ -11,7 +12,7 @@ import numpy as np
 from mocapidx.errors import FormatError
 from mocapidx.printable import shown
 
-__all__ = ["Limits", "decoded", "place", "read_text"]
+__all__ = ["Limits", "decoded", "place", "read_binary", "read_text"]
 
 LONGEST_LINE: Final = 16 * 1024 * 1024
 CHUNK: Final = 4 * 1024 * 1024
@@ -99,18 +100,44 @@ def read_text(path: Path, limits: Limits) -> bytes:
         named pipe would block for ever), too large, has a line of more than 16 MiB, or is
         changed by somebody else meanwhile.
     """
+    return _with_plain_line_ends(_as_utf8(path, _read_whole(path, limits, _read_lines)))
+
+
+def read_binary(path: Path, limits: Limits) -> bytes:
+    """Read a file of bytes whole.
+
+    Parameters
+    ----------
+    path : Path
+        A plain file, or a symbolic link to one.
+    limits : Limits
+        Only `max_file` counts here.
+
+    Returns
+    -------
+    bytes
+
+    Raises
+    ------
+    FormatError
+        As `read_text`; lines are no matter.
+    """
+    return _read_whole(path, limits, lambda _, file, size: file.read(size + 1))
+
+
+def _read_whole(path: Path, limits: Limits, read: Callable[[Path, BinaryIO, int], bytes]) -> bytes:
     try:
         before = _plain_file(path, os.stat(path), limits)
         # O_NONBLOCK: should a pipe have taken the file's place since, opening must not block
         with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as file:
             _plain_file(path, os.fstat(file.fileno()), limits)
-            data = _read_lines(path, file, before.st_size)
+            data = read(path, file, before.st_size)
             after = os.fstat(file.fileno())
     except (OSError, ValueError) as exc:  # ValueError: a NUL in the name
         raise FormatError(f"{place(path)}: {_reason(path, exc)}") from exc
     if (before.st_size, before.st_mtime_ns) != (after.st_size, after.st_mtime_ns):
         raise FormatError(f"{place(path)}: changed while it was read; try again when it is whole")
-    return _with_plain_line_ends(_as_utf8(path, data))
+    return data
 
 
 def _plain_file(path: Path, status: os.stat_result, limits: Limits) -> os.stat_result:
