@@ -14,8 +14,10 @@ __all__ = [
     "Hit",
     "IndexArray",
     "Motion",
+    "PointRecording",
     "Recording",
     "Skeleton",
+    "Up",
     "WordArray",
 ]
 
@@ -23,6 +25,7 @@ BoolArray: TypeAlias = NDArray[np.bool_]
 FloatArray: TypeAlias = NDArray[np.floating]
 IndexArray: TypeAlias = NDArray[np.int64]
 WordArray: TypeAlias = NDArray[np.uint64]
+Up: TypeAlias = Literal["x", "y", "z", "-x", "-y", "-z"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +74,8 @@ class Recording:
         Frames a second as far as the file itself says, else None.
     unit : float or None
         Metres in one file unit as far as the file itself says, else None.
+    up : {"x", "y", "z", "-x", "-y", "-z"} or None
+        The axis that points up as far as the format itself says, else None.
     """
 
     skeleton: Skeleton
@@ -79,6 +84,35 @@ class Recording:
     values: FloatArray
     rate: float | None
     unit: float | None
+    up: Up | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PointRecording:
+    """Points over time as their file has them: markers on a body, or its joints.
+
+    Parameters
+    ----------
+    names : tuple of str
+        One a point, all different; a subject's name may stand before, with a colon.
+    positions : ndarray of float64, shape (T, P, 3)
+        In file units and axes; NaN where a point was not seen.
+    rate : float or None
+        Frames a second as far as the file itself says, else None.
+    unit : float or None
+        Metres in one file unit as far as the file itself says, else None.
+    up : {"x", "y", "z", "-x", "-y", "-z"} or None
+        The axis that points up as far as the file itself says, else None.
+    remarks : tuple of str
+        For people: what looks wrong about the file.
+    """
+
+    names: tuple[str, ...]
+    positions: FloatArray
+    rate: float | None
+    unit: float | None
+    up: Up | None = None
+    remarks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

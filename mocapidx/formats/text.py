@@ -54,7 +54,7 @@ class Limits:
                 "--max-frames lifts this limit"
             )
 
-    def check_joints(self, joints: int, path: Path, line: int) -> None:
+    def check_joints(self, joints: int, path: Path, line: int | None) -> None:
         """Raise FormatError if a skeleton has too many nodes."""
         if joints > self.max_joints:
             raise FormatError(

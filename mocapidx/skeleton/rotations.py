@@ -1,14 +1,10 @@
 """Rotations as matrices, one a frame: structure of arrays, (3, 3, T)."""
 
-from typing import Literal
-
 import numpy as np
 
-from mocapidx.model import FloatArray
+from mocapidx.model import FloatArray, Up
 
-__all__ = ["multiplied", "times_vector", "turned", "upright"]
-
-Up = Literal["x", "y", "z", "-x", "-y", "-z"]
+__all__ = ["Up", "multiplied", "times_vector", "turned", "upright"]
 
 
 def turned(
