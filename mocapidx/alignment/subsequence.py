@@ -1,18 +1,29 @@
 """Subsequence dynamic time warping of quantised templates against packed feature words.
 
 The steps are (1, 1), (2, 1), (1, 2), so a row of the cost matrix depends on the two rows before
-it only: one pass of whole-array operations for each row of the template.
+it only: one pass of whole-array operations for each row of the template. The compiled kernel
+``matching.c`` does the same with the same bits.
 """
 
-from typing import Literal, TypeAlias
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Final, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mocapidx.errors import ParameterError
+from mocapidx.kernels.choice import compiled
 from mocapidx.model import IndexArray, WordArray
 
-__all__ = ["CostArray", "Steps", "shortest_match", "subsequence_costs", "subsequence_starts"]
+__all__ = [
+    "CostArray",
+    "Steps",
+    "many_subsequence_costs",
+    "shortest_match",
+    "subsequence_costs",
+    "subsequence_starts",
+]
 
 Steps: TypeAlias = Literal["weighted", "printed"]
 """Whether the step (2, 1), which passes over a row of the template, pays twice or once."""
@@ -21,6 +32,13 @@ CostArray: TypeAlias = NDArray[np.float32]
 
 BLOCK = 32768  # frames; three rows of costs and the words stay in the second-level cache
 INFINITE = np.float32(np.inf)
+NO_FRAMES = np.empty(0, dtype=np.int64)
+
+LEVEL: Final = 0
+"""Of the kernel's ways to count bits the fastest that this processor has."""
+
+FRAMES_A_THREAD: Final = 1 << 15
+"""With fewer, a thread takes longer to start than to do its share."""
 
 
 def shortest_match(rows: int) -> int:
@@ -34,6 +52,7 @@ def subsequence_costs(
     words: WordArray,
     breaks: IndexArray | None = None,
     steps: Steps = "weighted",
+    threads: int = 1,
 ) -> CostArray:
     """Cost of the best match of a template that ends at each frame.
 
@@ -53,6 +72,8 @@ def subsequence_costs(
     steps : {"weighted", "printed"}
         Whether the step (2, 1) pays twice for the cell that it leads to, or once as printed in
         the paper, where it passes over rows of the template for nothing.
+    threads : int
+        Share the frames among so many threads; changes nothing in the result.
 
     Returns
     -------
@@ -69,15 +90,103 @@ def subsequence_costs(
     .. [1] Mueller, Roeder, "Motion templates for automatic classification and retrieval of
        motion capture data", SCA 2006, section 5.2, equations (1) and (2).
     """
-    _check(ones, steps)
-    costs = np.empty(len(words), dtype=np.float32)
-    overlap = 2 * (len(ones) - 1)  # no match is longer
-    for begin in range(0, len(words), BLOCK):
-        low, high = max(0, begin - overlap), min(len(words), begin + BLOCK)
-        inside = _within(breaks, low, high)
-        row = _last_row(ones, care, words[low:high], inside, steps == "weighted")
-        costs[begin:high] = row[begin - low :]
-    return np.divide(costs, np.float32(len(ones)), out=costs)
+    return many_subsequence_costs([(ones, care)], words, [breaks], steps, threads).ravel()
+
+
+def many_subsequence_costs(
+    templates: Sequence[tuple[WordArray, WordArray]],
+    words: WordArray,
+    breaks: Sequence[IndexArray | None],
+    steps: Steps = "weighted",
+    threads: int = 1,
+) -> CostArray:
+    """Costs of the best matches of several templates that end at each frame.
+
+    All templates go over a block of frames while its words lie in the processor's cache.
+
+    Parameters
+    ----------
+    templates : sequence of pair of ndarray of uint64, each of its own shape (K,)
+        `ones` and `care` as for `subsequence_costs`.
+    words : ndarray of uint64, shape (L,)
+    breaks : sequence of ndarray of int64 or None
+        Of each template.
+    steps : {"weighted", "printed"}
+    threads : int
+        As for `subsequence_costs`.
+
+    Returns
+    -------
+    ndarray of float32, shape (M, L)
+        One row a template.
+
+    Raises
+    ------
+    ParameterError
+        As `subsequence_costs`.
+    """
+    for ones, _ in templates:
+        _check(ones, steps)
+    costs = np.empty((len(templates), len(words)), dtype=np.float32)
+    without_none = [NO_FRAMES if each is None else each for each in breaks]
+    fill = _filling(templates, words, without_none, steps == "weighted", costs)
+    shares = min(threads, len(words) // FRAMES_A_THREAD)
+    if shares < 2:
+        fill(0, len(words))
+        return costs
+    # Imported where it pays: it takes longer than a short match.
+    from concurrent.futures import ThreadPoolExecutor
+
+    cuts = [len(words) * share // shares for share in range(shares + 1)]
+    with ThreadPoolExecutor(shares) as pool:
+        list(pool.map(fill, cuts[:-1], cuts[1:]))
+    return costs
+
+
+def _filling(
+    templates: Sequence[tuple[WordArray, WordArray]],
+    words: WordArray,
+    breaks: Sequence[IndexArray],
+    weighted: bool,
+    costs: CostArray,
+) -> Callable[[int, int], None]:
+    """Give what fills the costs of all templates from one frame up to another."""
+    kernel = compiled("matching")
+    if kernel is None:
+        return partial(_fill, templates, words, breaks, weighted, costs)
+    ones, care = (
+        np.concatenate([template[side] for template in templates], dtype=np.uint64)
+        for side in range(2)
+    )
+    rows, ends = (
+        np.cumsum([0, *map(len, each)], dtype=np.int64)
+        for each in ([one for one, _ in templates], breaks)
+    )
+    laid_breaks = np.concatenate(breaks, dtype=np.int64)
+    words = np.ascontiguousarray(words, dtype=np.uint64)
+
+    def fill(begin: int, end: int) -> None:
+        kernel.match(ones, care, rows, words, laid_breaks, ends, weighted, costs, begin, end, LEVEL)
+
+    return fill
+
+
+def _fill(
+    templates: Sequence[tuple[WordArray, WordArray]],
+    words: WordArray,
+    breaks: Sequence[IndexArray],
+    weighted: bool,
+    costs: CostArray,
+    first: int,
+    last: int,
+) -> None:
+    for (ones, care), own_breaks, own_costs in zip(templates, breaks, costs, strict=True):
+        overlap = 2 * (len(ones) - 1)  # no match is longer
+        for begin in range(first, last, BLOCK):
+            low, high = max(0, begin - overlap), min(last, begin + BLOCK)
+            inside = _within(own_breaks, low, high)
+            row = _last_row(ones, care, words[low:high], inside, weighted)[begin - low :]
+            np.divide(row, np.float32(len(ones)), out=own_costs[begin:high])
 
 
 def _check(ones: WordArray, steps: str) -> None:
@@ -87,9 +196,7 @@ def _check(ones: WordArray, steps: str) -> None:
         raise ParameterError("the template has no rows")
 
 
-def _within(breaks: IndexArray | None, low: int, high: int) -> IndexArray:
-    if breaks is None:
-        return np.empty(0, dtype=np.int64)
+def _within(breaks: IndexArray, low: int, high: int) -> IndexArray:
     first, last = np.searchsorted(breaks, (low, high))
     return breaks[first:last] - low
 
@@ -165,8 +272,11 @@ def subsequence_starts(
     np.add.at(changes, np.maximum(ends - window + 1, 0), 1)
     np.add.at(changes, ends + 1, -1)
     touched = np.flatnonzero(np.cumsum(changes[:-1]))
-    if breaks is not None:
-        breaks = np.flatnonzero(np.isin(touched, breaks, assume_unique=True))
+    breaks = (
+        NO_FRAMES
+        if breaks is None
+        else np.flatnonzero(np.isin(touched, breaks, assume_unique=True))
+    )
     wanted = np.searchsorted(touched, ends)
     starts = np.full(len(ends), -1, dtype=np.int64)
     for begin in range(0, len(touched), BLOCK):

@@ -18,7 +18,7 @@ __all__ = ["VARIABLE", "compiled", "kernels_in_use"]
 VARIABLE: Final = "MOCAPIDX_KERNELS"
 """Environment variable: ``numpy`` forces the fallback, ``c`` demands the compiled kernels."""
 
-KERNELS: Final[tuple[str, ...]] = ()
+KERNELS: Final[tuple[str, ...]] = ("matching",)
 
 
 @cache

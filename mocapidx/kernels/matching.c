@@ -1,0 +1,463 @@
+/* Subsequence dynamic time warping of quantised templates against packed feature words.
+
+   The twin of mocapidx/alignment/subsequence.py, bit for bit: float32 throughout, the same
+   order of operations. A block of frames is cut into planes, one of each byte of the words, so
+   that one instruction counts the bits of as many frames as a register has bytes; all rows of
+   all templates then go over the block while it lies in the first-level cache. */
+
+#include <Python.h>
+#include <math.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "arrays.h"
+
+#if (defined(__x86_64__) || defined(__i386__)) && defined(__GNUC__)
+#define LEVELS_OF_X86 1
+#include <immintrin.h>
+#define FOR(features) __attribute__((target(features)))
+#define INLINED static inline __attribute__((always_inline))
+#else
+#define LEVELS_OF_X86 0
+#define INLINED static inline
+#endif
+
+enum {
+    BLOCK = 2048, /* frames; a multiple of all registers */
+    PLANES = 8,
+    BEFORE = 16, /* room in front of a row: two values of the block before, and alignment */
+};
+
+typedef struct {
+    _Alignas(64) uint8_t planes[PLANES][BLOCK];
+    _Alignas(64) uint8_t counts[BLOCK];
+    _Alignas(64) float rows[3][BEFORE + BLOCK];
+} Room;
+
+/* One level of instructions. `add_plane` adds to `counts`, or sets them if `first`, the number
+   of bits of each byte of a plane that differ from `one` where `care` is set; it may go on to
+   the end of a whole register. `add_row` fills a row from the two above it. */
+typedef struct {
+    const char *name;
+    void (*add_plane)(const uint8_t *plane, uint8_t one, uint8_t care, uint8_t *counts,
+                      Py_ssize_t frames, int first);
+    void (*add_row)(const uint8_t *counts, int32_t of, const float *up, const float *two_up,
+                    float *here, Py_ssize_t frames, int weighted);
+} Level;
+
+/* The correctly rounded quotient n / d for whole 0 <= n, d <= 64, without a division: `high` has
+   18 bits, so n * high is exact, and the sum is rounded once of what is right to 42 bits. No such
+   quotient lies so near to the middle between two floats (a test tries all of them). */
+typedef struct {
+    float high, low;
+} Reciprocal;
+
+static Reciprocal reciprocal(int32_t of)
+{
+    double whole = 1.0 / (of > 1 ? of : 1);
+    float high = (float)whole;
+    uint32_t bits;
+    memcpy(&bits, &high, sizeof bits);
+    bits &= ~(uint32_t)63;
+    memcpy(&high, &bits, sizeof bits);
+    return (Reciprocal){high, (float)(whole - high)};
+}
+
+INLINED float smaller(float a, float b)
+{
+    return a < b ? a : b;
+}
+
+INLINED void add_row_anyhow(const uint8_t *restrict counts, int32_t of, const float *up,
+                            const float *two_up, float *restrict here, Py_ssize_t frames,
+                            int weighted)
+{
+    const Reciprocal share = reciprocal(of);
+    const float high = share.high, low = share.low;
+    if (!up) {
+        for (Py_ssize_t t = 0; t < frames; t++) {
+            const float n = (float)counts[t];
+            here[t] = n * high + n * low;
+        }
+    } else if (weighted) {
+        for (Py_ssize_t t = 0; t < frames; t++) {
+            const float n = (float)counts[t];
+            const float cost = n * high + n * low;
+            here[t] = smaller(smaller(up[t - 1], up[t - 2]), two_up[t - 1] + cost) + cost;
+        }
+    } else {
+        for (Py_ssize_t t = 0; t < frames; t++) {
+            const float n = (float)counts[t];
+            const float cost = n * high + n * low;
+            here[t] = smaller(smaller(up[t - 1], up[t - 2]), two_up[t - 1]) + cost;
+        }
+    }
+}
+
+static void add_row_portable(const uint8_t *counts, int32_t of, const float *up,
+                             const float *two_up, float *here, Py_ssize_t frames, int weighted)
+{
+    add_row_anyhow(counts, of, up, two_up, here, frames, weighted);
+}
+
+static void add_plane_portable(const uint8_t *plane, uint8_t one, uint8_t care, uint8_t *counts,
+                               Py_ssize_t frames, int first)
+{
+    const uint64_t every = 0x0101010101010101u, ones = one * every, cares = care * every;
+    for (Py_ssize_t t = 0; t < frames; t += 8) {
+        uint64_t bytes, sum = 0;
+        memcpy(&bytes, plane + t, 8);
+        if (!first)
+            memcpy(&sum, counts + t, 8);
+        bytes = (bytes ^ ones) & cares;
+        bytes -= (bytes >> 1) & 0x55 * every;
+        bytes = (bytes & 0x33 * every) + ((bytes >> 2) & 0x33 * every);
+        sum += (bytes + (bytes >> 4)) & 0x0f * every;
+        memcpy(counts + t, &sum, 8);
+    }
+}
+
+#if LEVELS_OF_X86
+
+FOR("ssse3")
+static void add_row_ssse3(const uint8_t *counts, int32_t of, const float *up, const float *two_up,
+                          float *here, Py_ssize_t frames, int weighted)
+{
+    add_row_anyhow(counts, of, up, two_up, here, frames, weighted);
+}
+
+FOR("ssse3")
+static void add_plane_ssse3(const uint8_t *plane, uint8_t one, uint8_t care, uint8_t *counts,
+                            Py_ssize_t frames, int first)
+{
+    const __m128i bits = _mm_setr_epi8(0, 1, 1, 2, 1, 2, 2, 3, 1, 2, 2, 3, 2, 3, 3, 4);
+    const __m128i nibble = _mm_set1_epi8(15);
+    const __m128i ones = _mm_set1_epi8((char)one), cares = _mm_set1_epi8((char)care);
+    for (Py_ssize_t t = 0; t < frames; t += 16) {
+        __m128i bytes = _mm_load_si128((const __m128i *)(plane + t));
+        __m128i sum = first ? _mm_setzero_si128() : _mm_load_si128((const __m128i *)(counts + t));
+        bytes = _mm_and_si128(_mm_xor_si128(bytes, ones), cares);
+        __m128i lower = _mm_and_si128(bytes, nibble);
+        __m128i upper = _mm_and_si128(_mm_srli_epi16(bytes, 4), nibble);
+        sum = _mm_add_epi8(sum, _mm_shuffle_epi8(bits, lower));
+        sum = _mm_add_epi8(sum, _mm_shuffle_epi8(bits, upper));
+        _mm_store_si128((__m128i *)(counts + t), sum);
+    }
+}
+
+FOR("avx2")
+static void add_row_avx2(const uint8_t *counts, int32_t of, const float *up, const float *two_up,
+                         float *here, Py_ssize_t frames, int weighted)
+{
+    add_row_anyhow(counts, of, up, two_up, here, frames, weighted);
+}
+
+FOR("avx2")
+static void add_plane_avx2(const uint8_t *plane, uint8_t one, uint8_t care, uint8_t *counts,
+                           Py_ssize_t frames, int first)
+{
+    const __m256i bits = _mm256_setr_epi8(0, 1, 1, 2, 1, 2, 2, 3, 1, 2, 2, 3, 2, 3, 3, 4,
+                                          0, 1, 1, 2, 1, 2, 2, 3, 1, 2, 2, 3, 2, 3, 3, 4);
+    const __m256i nibble = _mm256_set1_epi8(15);
+    const __m256i ones = _mm256_set1_epi8((char)one), cares = _mm256_set1_epi8((char)care);
+    for (Py_ssize_t t = 0; t < frames; t += 32) {
+        __m256i bytes = _mm256_load_si256((const __m256i *)(plane + t));
+        __m256i sum =
+            first ? _mm256_setzero_si256() : _mm256_load_si256((const __m256i *)(counts + t));
+        bytes = _mm256_and_si256(_mm256_xor_si256(bytes, ones), cares);
+        __m256i lower = _mm256_and_si256(bytes, nibble);
+        __m256i upper = _mm256_and_si256(_mm256_srli_epi16(bytes, 4), nibble);
+        sum = _mm256_add_epi8(sum, _mm256_shuffle_epi8(bits, lower));
+        sum = _mm256_add_epi8(sum, _mm256_shuffle_epi8(bits, upper));
+        _mm256_store_si256((__m256i *)(counts + t), sum);
+    }
+}
+
+#define AVX512 "avx512f,avx512bw,avx512vl,avx512bitalg"
+
+FOR(AVX512)
+static void add_row_avx512(const uint8_t *counts, int32_t of, const float *up,
+                           const float *two_up, float *here, Py_ssize_t frames, int weighted)
+{
+    add_row_anyhow(counts, of, up, two_up, here, frames, weighted);
+}
+
+FOR(AVX512)
+static void add_plane_avx512(const uint8_t *plane, uint8_t one, uint8_t care, uint8_t *counts,
+                             Py_ssize_t frames, int first)
+{
+    const __m512i ones = _mm512_set1_epi8((char)one), cares = _mm512_set1_epi8((char)care);
+    for (Py_ssize_t t = 0; t < frames; t += 64) {
+        __m512i bytes = _mm512_load_si512(plane + t);
+        __m512i sum = first ? _mm512_setzero_si512() : _mm512_load_si512(counts + t);
+        bytes = _mm512_and_si512(_mm512_xor_si512(bytes, ones), cares);
+        _mm512_store_si512(counts + t, _mm512_add_epi8(sum, _mm512_popcnt_epi8(bytes)));
+    }
+}
+
+#endif
+
+static Level levels[4]; /* those that this processor has, the fastest first */
+static int level_count;
+
+static void find_levels(void)
+{
+    level_count = 0;
+#if LEVELS_OF_X86
+    __builtin_cpu_init();
+    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
+        __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512bitalg"))
+        levels[level_count++] = (Level){"avx512", add_plane_avx512, add_row_avx512};
+    if (__builtin_cpu_supports("avx2"))
+        levels[level_count++] = (Level){"avx2", add_plane_avx2, add_row_avx2};
+    if (__builtin_cpu_supports("ssse3"))
+        levels[level_count++] = (Level){"ssse3", add_plane_ssse3, add_row_ssse3};
+#endif
+    levels[level_count++] = (Level){"portable", add_plane_portable, add_row_portable};
+}
+
+static int32_t bits_set(uint64_t word)
+{
+    int32_t count = 0;
+    for (; word; word &= word - 1)
+        count++;
+    return count;
+}
+
+/* The first of ascending numbers that is not below a limit; stays inside whatever they are. */
+static Py_ssize_t first_from(const int64_t *numbers, Py_ssize_t low, Py_ssize_t high, int64_t limit)
+{
+    while (low < high) {
+        Py_ssize_t middle = low + (high - low) / 2;
+        if (numbers[middle] < limit)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    return low;
+}
+
+typedef struct {
+    const uint64_t *ones, *care; /* rows of all templates, one after the other */
+    const int64_t *bounds; /* template m has the rows from bounds[m] */
+    Py_ssize_t templates;
+    const uint64_t *words;
+    Py_ssize_t frames;
+    const int64_t *breaks; /* of all templates, one after the other */
+    const int64_t *break_bounds;
+    int weighted;
+    float *costs; /* (templates, frames) */
+} Matching;
+
+/* Let one template go over a block; `carried` has the last two values of each of its rows. The
+   costs are written only if they are `wanted`. */
+static void match_block(const Matching *matching, Py_ssize_t m, Py_ssize_t start,
+                        Py_ssize_t frames, int wanted, const Level *level, Room *room,
+                        float (*carried)[2])
+{
+    const Py_ssize_t rows = (Py_ssize_t)(matching->bounds[m + 1] - matching->bounds[m]);
+    const uint64_t *ones = matching->ones + matching->bounds[m];
+    const uint64_t *care = matching->care + matching->bounds[m];
+    const int64_t *breaks = matching->breaks;
+    const Py_ssize_t end_of_breaks = (Py_ssize_t)matching->break_bounds[m + 1];
+    const Py_ssize_t first_break =
+        first_from(breaks, (Py_ssize_t)matching->break_bounds[m], end_of_breaks, start);
+    const Py_ssize_t last_break =
+        first_from(breaks, first_break, end_of_breaks, start + frames);
+    float *here = room->rows[0] + BEFORE, *up = room->rows[1] + BEFORE;
+    float *two_up = room->rows[2] + BEFORE;
+    for (Py_ssize_t t = -2; t < frames; t++)
+        up[t] = INFINITY; /* the row above the first is two rows above the second */
+    for (Py_ssize_t k = 0; k < rows; k++) {
+        if (k == 0 || ones[k] != ones[k - 1] || care[k] != care[k - 1]) {
+            int first = 1;
+            for (int plane = 0; plane < PLANES; plane++) {
+                const uint8_t mask = (uint8_t)(care[k] >> 8 * plane);
+                if (mask || (first && plane == PLANES - 1)) {
+                    level->add_plane(room->planes[plane], (uint8_t)(ones[k] >> 8 * plane), mask,
+                                     room->counts, frames, first);
+                    first = 0;
+                }
+            }
+        }
+        level->add_row(room->counts, bits_set(care[k]), k ? up : NULL, two_up, here, frames,
+                       matching->weighted);
+        for (Py_ssize_t i = first_break; i < last_break; i++)
+            if (breaks[i] >= start && breaks[i] - start < frames)
+                here[breaks[i] - start] = INFINITY;
+        here[-2] = carried[k][0];
+        here[-1] = carried[k][1];
+        carried[k][0] = here[frames - 2];
+        carried[k][1] = here[frames - 1];
+        float *free_row = two_up;
+        two_up = up;
+        up = here;
+        here = free_row;
+    }
+    if (!wanted)
+        return;
+    const float length = (float)rows;
+    float *costs = matching->costs + m * matching->frames + start;
+    for (Py_ssize_t t = 0; t < frames; t++)
+        costs[t] = up[t] / length;
+}
+
+/* Fill the costs of all templates from `begin` up to `end`; -1 without memory. */
+static int match_frames(const Matching *matching, Py_ssize_t begin, Py_ssize_t end,
+                        const Level *level)
+{
+    const Py_ssize_t rows = (Py_ssize_t)matching->bounds[matching->templates];
+    Py_ssize_t longest = 0;
+    for (Py_ssize_t m = 0; m < matching->templates; m++) {
+        const Py_ssize_t own = (Py_ssize_t)(matching->bounds[m + 1] - matching->bounds[m]);
+        longest = own > longest ? own : longest;
+    }
+    void *memory = malloc(sizeof(Room) + 64);
+    float(*carried)[2] = malloc((size_t)(rows ? rows : 1) * sizeof *carried);
+    if (!memory || !carried) {
+        free(memory);
+        free(carried);
+        return -1;
+    }
+    Room *room = (Room *)(((uintptr_t)memory + 63) & ~(uintptr_t)63);
+    memset(room, 0, sizeof *room);
+    for (Py_ssize_t k = 0; k < rows; k++)
+        carried[k][0] = carried[k][1] = INFINITY;
+    /* No match is longer than two frames a row, less two. */
+    const Py_ssize_t reach = longest ? 2 * (longest - 1) : 0;
+    Py_ssize_t start = begin > reach ? begin - reach : 0;
+    while (start < end) {
+        const int wanted = start >= begin;
+        const Py_ssize_t stop = wanted ? end : begin;
+        const Py_ssize_t frames = stop - start < BLOCK ? stop - start : BLOCK;
+        for (int plane = 0; plane < PLANES; plane++)
+            for (Py_ssize_t t = 0; t < frames; t++)
+                room->planes[plane][t] = (uint8_t)(matching->words[start + t] >> 8 * plane);
+        for (Py_ssize_t m = 0; m < matching->templates; m++)
+            match_block(matching, m, start, frames, wanted, level, room,
+                        carried + matching->bounds[m]);
+        start += frames;
+    }
+    free(memory);
+    free(carried);
+    return 0;
+}
+
+/* Whether numbers divide `total` things into consecutive parts, each of at least `least`. */
+static int divide(const Array *bounds, Py_ssize_t total, Py_ssize_t least)
+{
+    const int64_t *numbers = bounds->view.buf;
+    if (bounds->length < 1 || numbers[0] != 0 || numbers[bounds->length - 1] != total)
+        return 0;
+    for (Py_ssize_t i = 1; i < bounds->length; i++)
+        if (numbers[i] < numbers[i - 1] || numbers[i] - numbers[i - 1] < least)
+            return 0;
+    return 1;
+}
+
+PyDoc_STRVAR(match_doc,
+"match(ones, care, bounds, words, breaks, break_bounds, weighted, costs, begin, end, level)\n"
+"--\n\n"
+"Fill costs[:, begin:end] with the cost of the best match of each template.\n\n"
+"Template m has the rows bounds[m] to bounds[m + 1] of ones and care (uint64), and the breaks\n"
+"break_bounds[m] to break_bounds[m + 1] (int64, ascending). costs is float32 (M, L), words\n"
+"uint64 (L,). level is a number in levels(). Parts of the frames can be filled at a time, by\n"
+"several threads: the lock of the interpreter is released.");
+
+static PyObject *match(PyObject *module, PyObject *arguments)
+{
+    (void)module;
+    PyObject *objects[7];
+    Py_ssize_t begin, end;
+    int weighted, level;
+    if (!PyArg_ParseTuple(arguments, "OOOOOOpOnni:match", &objects[0], &objects[1], &objects[2],
+                          &objects[3], &objects[4], &objects[5], &weighted, &objects[6], &begin,
+                          &end, &level))
+        return NULL;
+    Array ones = {0}, care = {0}, bounds = {0}, words = {0}, breaks = {0}, break_bounds = {0};
+    Array costs = {0};
+    PyObject *result = NULL;
+    if (take_array(objects[0], &ones, "ones", UINT64, 8, 0) < 0 ||
+        take_array(objects[1], &care, "care", UINT64, 8, 0) < 0 ||
+        take_array(objects[2], &bounds, "bounds", INT64, 8, 0) < 0 ||
+        take_array(objects[3], &words, "words", UINT64, 8, 0) < 0 ||
+        take_array(objects[4], &breaks, "breaks", INT64, 8, 0) < 0 ||
+        take_array(objects[5], &break_bounds, "break_bounds", INT64, 8, 0) < 0 ||
+        take_array(objects[6], &costs, "costs", FLOAT32, 4, 1) < 0)
+        goto done;
+    const Py_ssize_t templates = bounds.length - 1;
+    if (care.length != ones.length || !divide(&bounds, ones.length, 1) ||
+        break_bounds.length != bounds.length || !divide(&break_bounds, breaks.length, 0) ||
+        (templates ? costs.length / templates != words.length || costs.length % templates
+                   : costs.length)) {
+        PyErr_SetString(PyExc_ValueError, "the arrays don't fit each other");
+        goto done;
+    }
+    if (begin < 0 || end < begin || end > words.length || level < 0 || level >= level_count) {
+        PyErr_SetString(PyExc_ValueError, "no such frames or no such level");
+        goto done;
+    }
+    const Matching matching = {
+        .ones = ones.view.buf,
+        .care = care.view.buf,
+        .bounds = bounds.view.buf,
+        .templates = templates,
+        .words = words.view.buf,
+        .frames = words.length,
+        .breaks = breaks.view.buf,
+        .break_bounds = break_bounds.view.buf,
+        .weighted = weighted,
+        .costs = costs.view.buf,
+    };
+    int failed;
+    Py_BEGIN_ALLOW_THREADS
+    failed = match_frames(&matching, begin, end, &levels[level]);
+    Py_END_ALLOW_THREADS
+    result = failed ? PyErr_NoMemory() : Py_NewRef(Py_None);
+done:
+    release_array(&ones);
+    release_array(&care);
+    release_array(&bounds);
+    release_array(&words);
+    release_array(&breaks);
+    release_array(&break_bounds);
+    release_array(&costs);
+    return result;
+}
+
+PyDoc_STRVAR(levels_doc,
+"levels()\n--\n\n"
+"Name the ways to count bits that this processor has, the fastest first.");
+
+static PyObject *name_levels(PyObject *module, PyObject *nothing)
+{
+    (void)module, (void)nothing;
+    PyObject *names = PyTuple_New(level_count);
+    for (int i = 0; names && i < level_count; i++) {
+        PyObject *name = PyUnicode_FromString(levels[i].name);
+        if (!name || PyTuple_SetItem(names, i, name) < 0)
+            Py_CLEAR(names);
+    }
+    return names;
+}
+
+static PyMethodDef functions[] = {
+    {"match", match, METH_VARARGS, match_doc},
+    {"levels", name_levels, METH_NOARGS, levels_doc},
+    {NULL, NULL, 0, NULL},
+};
+
+static struct PyModuleDef definition = {
+    PyModuleDef_HEAD_INIT,
+    .m_name = "_matching",
+    .m_doc = "Templates against feature words.",
+    .m_size = 0,
+    .m_methods = functions,
+};
+
+PyMODINIT_FUNC PyInit__matching(void)
+{
+    find_levels();
+    return PyModuleDef_Init(&definition);
+}
