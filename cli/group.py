@@ -3,6 +3,7 @@
 import errno
 import importlib
 import os
+from pathlib import Path
 from typing import Any
 
 import click
@@ -10,6 +11,7 @@ import click
 from mocapidx.errors import Interrupted, MocapidxError, WriteError
 
 from .main import COMMANDS, fail, heard
+from .settings import defaults, load, settings_options
 
 __all__ = ["mocapidx", "run"]
 
@@ -52,6 +54,19 @@ class CommandGroup(click.Group):
         except BrokenPipeError as exc:
             raise PipeClosedError from exc
 
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[Any]:
+        """Complete the names in the table, importing no command."""
+        from click.shell_completion import CompletionItem
+
+        return [
+            *(
+                CompletionItem(name, help=text)
+                for name, (_, text) in COMMANDS.items()
+                if name.startswith(incomplete)
+            ),
+            *click.Command.shell_complete(self, ctx, incomplete),
+        ]
+
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands from the table, importing none."""
         with formatter.section("Commands"):
@@ -65,8 +80,13 @@ class CommandGroup(click.Group):
 )
 @click.version_option(package_name="mocapidx", prog_name="mocapidx")
 @click.option("--debug", is_flag=True, help="Show a traceback where something fails.")
-def mocapidx(debug: bool) -> None:
+@settings_options
+@click.pass_context
+def mocapidx(ctx: click.Context, debug: bool, config: Path | None, no_config: bool) -> None:
     """Search an archive of motion capture by what happens in it."""
+    ctx.obj = load(config, no_config)
+    if ctx.obj is not None and isinstance(ctx.command, click.Group):
+        ctx.default_map = defaults(ctx.command, ctx, ctx.obj)
 
 
 def run(debug: bool) -> int:

@@ -9,6 +9,7 @@ import contextlib
 import os
 import signal
 import sys
+from itertools import takewhile
 from types import FrameType
 from typing import Any, NoReturn
 
@@ -33,7 +34,11 @@ COMMANDS = {
     "features": ("features:features", "Look at feature sets, try them, learn thresholds."),
     "align": ("align:align", "Say which frame of one motion goes with which of another."),
     "skeleton": ("skeleton:skeleton", "Show how a file's skeleton is understood, and why."),
+    "config": ("config:config", "Show settings from files, and where each value comes from."),
+    "completion": ("completion:completion", "Make a shell complete commands and options."),
+    "man": ("man:man", "Write the manual pages."),
 }
+COLOURS = {"Error": "1;31", "Warning": "1;33"}  # bold red and yellow
 heard: list[int] = []  # the signal that asked us to stop
 STOP_SIGNALS = (signal.SIGTERM, signal.SIGHUP, signal.SIGINT)
 
@@ -43,9 +48,19 @@ def say(message: str) -> None:
 
     Where nobody can hear it, the exit code still tells.
     """
+    text = shown(message, None)
+    kind, colon, rest = text.partition(":")
+    if colon and kind in COLOURS and coloured():
+        text = f"\x1b[{COLOURS[kind]}m{kind}:\x1b[0m{rest}"
     with contextlib.suppress(OSError):
-        sys.stderr.write(f"{shown(message, None)}\n")
+        sys.stderr.write(f"{text}\n")
         sys.stderr.flush()
+
+
+def coloured() -> bool:
+    """Whether words on stderr may have colours: on a terminal, unless NO_COLOR is set."""
+    wanted = not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+    return wanted and sys.stderr.isatty()
 
 
 def fail(message: str, code: int) -> NoReturn:
@@ -120,7 +135,7 @@ def main() -> NoReturn:
         open_streams()
         from .group import run
 
-        leave(run(debug="--debug" in sys.argv[1:2]))
+        leave(run(debug="--debug" in takewhile(lambda word: word not in COMMANDS, sys.argv[1:])))
     except (Interrupted, KeyboardInterrupt) as exc:
         number = exc.signal_number if isinstance(exc, Interrupted) else signal.SIGINT
         fail(str(exc) or "interrupted; nothing was written", 128 + number)
