@@ -26,7 +26,7 @@ COMMANDS = {
     "annotate": ("annotate:annotate", "Say which motion class occurs when."),
     "template": ("template:template", "Look at motion templates and change them by hand."),
     "evaluate": ("evaluate:evaluate", "Measure hits or annotations against labels."),
-    "plot": ("plot:plot", "Draw distance functions and annotations."),
+    "plot": ("plot:plot", "Draw features, lists, templates, distances, annotations."),
     "info": ("info:info", "Show what a store holds, or what is known of one document."),
     "verify": ("verify:verify", "Check every byte of a store; repair what can be rebuilt."),
     "compact": ("compact:compact", "Merge the segment files of a store."),

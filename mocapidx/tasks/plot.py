@@ -13,11 +13,13 @@ from mocapidx.errors import FormatError, ParameterError
 from mocapidx.features.featureset import FeatureSet
 from mocapidx.model import WordArray
 from mocapidx.printable import shown
+from mocapidx.reports.confusion import confusion_picture
 from mocapidx.reports.matrices import template_picture
 from mocapidx.reports.style import picture_format
 from mocapidx.reports.timelines import Curve, Span, Track, annotation_picture, distance_picture
 from mocapidx.store.read import open_store
 from mocapidx.store.schema import MANIFEST
+from mocapidx.tasks.evaluate import NO_LABEL, UNKNOWN, EvaluationOptions, evaluate_records
 from mocapidx.tasks.found import read_found
 from mocapidx.tasks.labels import read_labels
 from mocapidx.tasks.prepare import Job, Prepared, Refused, prepare
@@ -32,7 +34,7 @@ from mocapidx.templates.match import find_hits, match_documents
 from mocapidx.templates.quantise import quantise
 from mocapidx.templates.template import MotionTemplate, TemplateSet
 
-__all__ = ["draw_annotations", "draw_distances", "draw_templates"]
+__all__ = ["draw_annotations", "draw_confusion", "draw_distances", "draw_templates"]
 
 MOST_DOCUMENTS: Final = 100
 MOST_CLASSES: Final = 40
@@ -301,3 +303,52 @@ def _check_names(names: Sequence[str], known: Iterable[str]) -> None:
             f"{len(names)} documents are too many for one picture, at most {MOST_DOCUMENTS}; "
             "choose with --document"
         )
+
+
+def draw_confusion(
+    records: Path,
+    labels: Path,
+    picture: Path,
+    *,
+    classes: Sequence[str] = (),
+    labelled_documents: bool = False,
+) -> None:
+    """Draw how the time of each labelled class was annotated.
+
+    Parameters
+    ----------
+    records : Path
+        JSON lines or CSV that `annotate` printed; ``-`` is the standard input.
+    labels : Path
+        A labels file.
+    picture : Path
+        A .png or .svg file.
+    classes : sequence of str
+        Only these; none: all.
+    labelled_documents : bool
+        Leave out what is said of documents without any label.
+
+    Raises
+    ------
+    FormatError, ParameterError, WriteError
+    """
+    suffix = picture_format(picture)
+    options = EvaluationOptions(classes=tuple(classes), labelled_documents=labelled_documents)
+    found = evaluate_records(records, read_labels(labels), options)
+    if not found.confusion:
+        raise ParameterError(
+            f"{shown(records)}: hits have no confusion table; give what 'annotate' printed"
+        )
+    seconds = {
+        (str(row["label"]), str(row["annotated_as"])): float(str(row["seconds"]))
+        for row in found.confusion
+    }
+    truth = sorted({label for label, _ in seconds}, key=_class_order)
+    said = sorted({said for _, said in seconds}, key=_class_order)
+    data = confusion_picture(seconds, truth, said, title="labels and annotations", suffix=suffix)
+    durable_replace(picture, data)
+
+
+def _class_order(label: str) -> tuple[bool, str]:
+    """Sort by name, what is no class last."""
+    return (label in (NO_LABEL, UNKNOWN), label)
