@@ -44,8 +44,8 @@ def list_sizes_picture(
                 LINES[number % len(LINES)],
                 color=CLASS_COLOURS[number],
                 linewidth=1.5,
-                label=f"{shown(part)}: {count(segments, 'segment')} in {count(len(ordered), 'list')}, "
-                f"half of them in {half}",
+                label=f"{shown(part)}: {count(segments, 'segment')} in "
+                f"{count(len(ordered), 'list')}, half of them in {half}",
             )
         axes.set_xscale("log")
         axes.set_yscale("log")
