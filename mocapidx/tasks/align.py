@@ -33,6 +33,7 @@ __all__ = [
     "AlignOptions",
     "Aligned",
     "align_motions",
+    "align_stretches",
     "alignment_summary",
     "draw_alignment",
     "path_records",
@@ -176,15 +177,37 @@ def align_motions(
             feature_set = store_feature_set(snapshot)
             rate = snapshot.manifest.settings.rate
             a, b = (stretch_of_store(text, snapshot, feature_set, options.read) for text in texts)
-    aligned = _aligned(a, b, feature_set, rate, options)
+    aligned = align_stretches(a, b, feature_set, rate, options)
     if picture is not None:
         draw_alignment(aligned, picture)
     return aligned
 
 
-def _aligned(
+def align_stretches(
     a: Stretch, b: Stretch, feature_set: FeatureSet, rate: float, options: AlignOptions
 ) -> Aligned:
+    """Align two motions that were read already.
+
+    Parameters
+    ----------
+    a, b : Stretch
+    feature_set : FeatureSet
+        Of their words.
+    rate : float
+        Of both, in Hz.
+    options : AlignOptions
+        Its feature set, rate and way to read play no part.
+
+    Returns
+    -------
+    Aligned
+        As of `align_motions`.
+
+    Raises
+    ------
+    ParameterError
+        If they are too long, or no such features are known.
+    """
     mask = feature_set.select(options.select)
     unknown = mask & (a.untrusted | b.untrusted)
     remarks = []

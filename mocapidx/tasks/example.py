@@ -27,6 +27,7 @@ __all__ = [
     "Example",
     "Frames",
     "find_example",
+    "forget_joints",
     "frames_of_document",
     "frames_of_file",
     "parse_example",
@@ -199,7 +200,7 @@ def frames_of_file(
     motion = resample_motion(read_take(path, options).motion, rate)
     words = pack_words(extract_features(motion, feature_set, rate))
     untrusted = untrusted_features(motion, feature_set)
-    poses = _without(motion.positions.astype(np.float64), motion.made)
+    poses = forget_joints(motion.positions.astype(np.float64), motion.made)
     return Frames(words & ~np.uint64(untrusted), untrusted, poses)
 
 
@@ -225,14 +226,27 @@ def frames_of_document(store: Snapshot, placed: Placed) -> Frames:
     words = store.array(placed.file, FRAME_WORDS.path, start, start + document.frames)
     poses: FloatArray | None = None
     if store.manifest.settings.poses:
-        poses = _without(
+        poses = forget_joints(
             stored_poses(store, placed).astype(np.float64), document.rig.get("made", ())
         )
     return Frames(words.astype(np.uint64), untrusted_mask(document), poses)
 
 
-def _without(positions: FloatArray, made: object) -> FloatArray:
-    """Forget the joints that a joint map made up."""
+def forget_joints(positions: FloatArray, made: object) -> FloatArray:
+    """Forget the joints that a joint map made up.
+
+    Parameters
+    ----------
+    positions : ndarray of float, shape (T, 24, 3)
+        In metres; changed in place.
+    made : object
+        Names of joints; anything else than a list or a tuple: none.
+
+    Returns
+    -------
+    ndarray
+        `positions`, with NaN for those joints.
+    """
     names = made if isinstance(made, (list, tuple)) else ()
     positions[:, [joint in names for joint in CANONICAL_JOINTS]] = np.nan
     return positions
