@@ -6,6 +6,7 @@ import re
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Final, Literal, TypeAlias
 
@@ -21,6 +22,7 @@ from mocapidx.tasks.hits import make_hit
 from mocapidx.tasks.records import render_records
 from mocapidx.tasks.segment_sources import document_groups, segment_source, store_feature_set
 from mocapidx.tasks.store_words import WordBatch, check_store, piece_batches, store_batches
+from mocapidx.tasks.threads import map_ahead
 from mocapidx.templates.file import load_templates
 from mocapidx.templates.keyframes import TOLERANCE, Keyframes, choose_keyframes, preselect
 from mocapidx.templates.match import (
@@ -38,6 +40,9 @@ from mocapidx.templates.thresholds import beaten_by_rivals, own_threshold
 __all__ = ["KeyframeChoice", "RetrieveOptions", "Retrieved", "parse_keyframes", "retrieve"]
 
 KeyframeChoice: TypeAlias = Literal["none", "auto"] | tuple[int, ...]
+
+Curve: TypeAlias = tuple[str, int, CostArray]
+"""Document, first frame and lowest costs of a piece."""
 
 PROFILE_COLUMNS: Final = ("document", "frame", "time", "cost")
 
@@ -171,7 +176,7 @@ def retrieve(
         rivals = tuple(t for other in others for t in known.of(other) if t.kind == "class")
     options = replace(options, rivals=bool(rivals))
     found: list[Hit] = []
-    curves: list[tuple[str, int, CostArray]] = []
+    curves: list[Curve] = []
     remarks = list(_remarks(own, label, options))
     with open_store(store) as snapshot:
         check_store(snapshot, known)
@@ -179,18 +184,30 @@ def retrieve(
             batches = store_batches(snapshot)
         else:
             batches = _preselected(snapshot, own, options, remarks)
-        for batch in batches:
-            matchings = [_match(template, batch, options) for template in own]
-            hits = _hits(own, matchings, options, top=None if rivals else options.top)
-            if rivals and len(hits.costs):
-                hits = _unbeaten(hits, own, rivals, batch, options)
+        search = partial(_search, own, rivals, options, profiled=profile is not None)
+        for batch, hits, own_curves in map_ahead(search, batches):
             found += _described(hits, batch, known.rate, label)
-            if profile is not None:
-                curves += _curves(batch, matchings)
+            curves += own_curves
     found.sort(key=lambda hit: (hit.cost, hit.document, hit.start_frame))
     if profile is not None:
         durable_replace(profile, _profile_chunks(curves, known.rate))
     return Retrieved(tuple(found[: options.top]), tuple(remarks))
+
+
+def _search(
+    own: Sequence[MotionTemplate],
+    rivals: Sequence[MotionTemplate],
+    options: RetrieveOptions,
+    batch: WordBatch,
+    *,
+    profiled: bool,
+) -> tuple[WordBatch, Hits, Sequence[Curve]]:
+    """Find the hits in a batch, and the distance functions if they are wanted."""
+    matchings = [_match(template, batch, options) for template in own]
+    hits = _hits(own, matchings, options, top=None if rivals else options.top)
+    if rivals and len(hits.costs):
+        hits = _unbeaten(hits, own, rivals, batch, options)
+    return batch, hits, tuple(_curves(batch, matchings)) if profiled else ()
 
 
 def _preselected(
@@ -282,25 +299,43 @@ def _unbeaten(
     batch: WordBatch,
     options: RetrieveOptions,
 ) -> Hits:
-    """Drop the hits that rivals explain better; rivals are matched where there are hits."""
-    documents = np.unique(hits.documents)
-    place = batch.select(documents)
+    """Drop the hits that rivals explain better.
+
+    Only where a rival comes below the ratio of a hit near it is the document searched for the
+    rival's own hits.
+    """
     tau = min(_threshold(template, options) for template in own)
-    columns = [
-        (np.searchsorted(documents, hits.documents), hits.starts, hits.ends, hits.costs / tau)
-    ]
-    kinds = [np.zeros(len(hits.costs), dtype=np.int64)]
-    for kind, rival in enumerate(rivals, start=1):
-        theirs = _hits([rival], [_match(rival, place, options)], options)
-        ratios = theirs.costs / _threshold(rival, options)
-        columns.append((theirs.documents, theirs.starts, theirs.ends, ratios))
-        kinds.append(np.full(len(theirs.costs), kind))
-    numbers, starts, ends, ratios = map(np.concatenate, zip(*columns, strict=True))
+    ratios = hits.costs / tau
     # Laid end to end with room between them, hits of different documents never meet.
-    shift = np.concatenate(([0], np.cumsum(np.diff(place.bounds) + 1)))[numbers]
-    beaten = beaten_by_rivals(starts + shift, ends + shift, ratios, np.concatenate(kinds))
-    kept = ~beaten[: len(hits.costs)]
+    first = np.cumsum(np.diff(batch.bounds) + 1) - np.diff(batch.bounds) - 1
+    columns = [(first[hits.documents] + hits.starts, first[hits.documents] + hits.ends, ratios)]
+    kinds = [np.zeros(len(ratios), dtype=np.int64)]
+    for kind, rival in enumerate(rivals, start=1):
+        near = _lowest_near(rival, hits, batch, options) / _threshold(rival, options)
+        documents = np.unique(hits.documents[near < ratios])
+        if len(documents):
+            place = batch.select(documents)
+            theirs = _hits([rival], [_match(rival, place, options)], options)
+            shift = first[documents[theirs.documents]]
+            theirs_ratios = theirs.costs / _threshold(rival, options)
+            columns.append((shift + theirs.starts, shift + theirs.ends, theirs_ratios))
+            kinds.append(np.full(len(theirs.costs), kind))
+    starts, ends, levels = map(np.concatenate, zip(*columns, strict=True))
+    kept = ~beaten_by_rivals(starts, ends, levels, np.concatenate(kinds))[: len(ratios)]
     return Hits(hits.documents[kept], hits.starts[kept], hits.ends[kept], hits.costs[kept])
+
+
+def _lowest_near(
+    rival: MotionTemplate, hits: Hits, batch: WordBatch, options: RetrieveOptions
+) -> CostArray:
+    """Give the lowest cost of a rival's matches that can overlap each hit, shape (H,)."""
+    reach = 2 * len(rival.matrix)  # longer than any match
+    lengths = np.diff(batch.bounds)[hits.documents]
+    starts = np.maximum(hits.starts - reach, 0)
+    place = batch.cut(hits.documents, starts, np.minimum(hits.ends + reach, lengths))
+    matching = _match(rival, place, options)
+    borders = np.column_stack((place.bounds[:-1] + hits.starts - starts, place.bounds[1:])).ravel()
+    return np.minimum.reduceat(np.append(matching.costs, np.float32(np.inf)), borders)[::2]
 
 
 def _described(hits: Hits, batch: WordBatch, rate: float, label: str) -> Iterator[Hit]:
@@ -310,9 +345,7 @@ def _described(hits: Hits, batch: WordBatch, rate: float, label: str) -> Iterato
         yield make_hit(batch.documents[number], first + start, first + end, rate, cost, label)
 
 
-def _curves(
-    batch: WordBatch, matchings: Sequence[Matching]
-) -> Iterator[tuple[str, int, CostArray]]:
+def _curves(batch: WordBatch, matchings: Sequence[Matching]) -> Iterator[Curve]:
     """Give document, first frame and lowest costs of each piece."""
     lowest = np.minimum.reduce([matching.costs for matching in matchings])
     spans = itertools.pairwise(batch.bounds.tolist())
@@ -321,7 +354,7 @@ def _curves(
         yield name, first, lowest[start:stop]
 
 
-def _profile_chunks(curves: Sequence[tuple[str, int, CostArray]], rate: float) -> Iterator[bytes]:
+def _profile_chunks(curves: Sequence[Curve], rate: float) -> Iterator[bytes]:
     """Give the profile as CSV, one document after the other in the order of their names."""
     yield from (f"{line}\n".encode() for line in render_records([], "csv", PROFILE_COLUMNS))
     for name, first, costs in sorted(curves, key=lambda curve: curve[:2]):

@@ -10,6 +10,7 @@ import numpy as np
 from mocapidx.errors import StoreError
 from mocapidx.model import BoolArray, IndexArray, WordArray
 from mocapidx.printable import shown
+from mocapidx.queries.source import expand_ranges
 from mocapidx.store.manifest import Document, Placed, SegmentFile
 from mocapidx.store.read import Snapshot
 from mocapidx.store.schema import FRAME_WORDS
@@ -53,10 +54,19 @@ class WordBatch:
         return self.starts == 0, ends == [document.frames for document in self.documents]
 
     def select(self, numbers: IndexArray) -> "WordBatch":
-        """Leave some of the pieces, given by their numbers, ascending."""
-        words = [self.words[self.bounds[n] : self.bounds[n + 1]] for n in numbers.tolist()]
-        documents = tuple(self.documents[n] for n in numbers.tolist())
-        return _joined(documents, self.starts[numbers], words, self.untrusted)
+        """Leave some of the pieces, given by their numbers."""
+        lengths = np.diff(self.bounds)[numbers]
+        return self.cut(numbers, np.zeros_like(lengths), lengths)
+
+    def cut(self, numbers: IndexArray, starts: IndexArray, ends: IndexArray) -> "WordBatch":
+        """Leave stretches of some pieces, by the pieces' numbers and in frames of the pieces."""
+        first = self.bounds[numbers]
+        owners, frames = expand_ranges(first + starts, first + ends)
+        bounds = np.searchsorted(owners, np.arange(len(numbers) + 1))
+        documents = tuple(self.documents[number] for number in numbers.tolist())
+        return WordBatch(
+            documents, self.starts[numbers] + starts, self.words[frames], bounds, self.untrusted
+        )
 
 
 def check_store(store: Snapshot, templates: TemplateSet) -> None:
@@ -104,16 +114,14 @@ def store_batches(store: Snapshot) -> Iterator[WordBatch]:
 
 
 def _batch(store: Snapshot, piece: Sequence[Placed], untrusted: int) -> WordBatch:
+    start, words = _read(store, piece)
     documents = tuple(placed.document for placed in piece)
-    starts = np.zeros(len(piece), dtype=np.int64)
-    return _joined(documents, starts, _read(store, piece), untrusted)
-
-
-def _joined(
-    documents: tuple[Document, ...], starts: IndexArray, words: Sequence[WordArray], untrusted: int
-) -> WordBatch:
-    bounds = np.concatenate(([0], np.cumsum([len(each) for each in words]))).astype(np.int64)
-    return WordBatch(documents, starts, np.concatenate(words), bounds, untrusted)
+    lengths = np.array([document.frames for document in documents])
+    bounds = np.concatenate(([0], np.cumsum(lengths)))
+    if len(words) > bounds[-1]:  # documents that were removed lie between
+        first = np.array([placed.frame_offset for placed in piece]) - start
+        words = words[expand_ranges(first, first + lengths)[1]]
+    return WordBatch(documents, np.zeros_like(lengths), words, bounds, untrusted)
 
 
 def piece_batches(
@@ -133,25 +141,20 @@ def piece_batches(
     ------
     WordBatch
     """
-    placed = list(file.placed())
-    rows = zip(pieces.documents.tolist(), pieces.starts.tolist(), pieces.ends.tolist(), strict=True)
-    near = itertools.groupby(
-        rows, lambda row: (placed[row[0]].frame_offset + row[1]) // BATCH_FRAMES
-    )
-    for _, some in near:
-        group = list(some)
-        first, last = group[0], group[-1]
-        start = placed[first[0]].frame_offset + first[1]
-        stop = placed[last[0]].frame_offset + last[2]
-        words = store.array(file, FRAME_WORDS.path, start, stop).astype(np.uint64)
-        parts = [
-            words[placed[document].frame_offset + low - start :][: high - low]
-            for document, low, high in group
-        ]
-        yield _joined(
-            tuple(placed[document].document for document, _, _ in group),
-            np.array([low for _, low, _ in group], dtype=np.int64),
-            parts,
+    lengths = [document.frames for document in file.documents]
+    offsets = np.concatenate(([0], np.cumsum(lengths)))[pieces.documents]
+    lows, highs = offsets + pieces.starts, offsets + pieces.ends
+    borders = np.flatnonzero(np.diff(lows // BATCH_FRAMES, prepend=-1)).tolist()
+    for first, last in itertools.pairwise([*borders, len(lows)]):
+        some = slice(first, last)
+        start, stop = int(lows[first]), int(highs[last - 1])
+        words = _words(store, file, start, stop)
+        owners, frames = expand_ranges(lows[some] - start, highs[some] - start)
+        yield WordBatch(
+            tuple(file.documents[number] for number in pieces.documents[some].tolist()),
+            pieces.starts[some],
+            words[frames],
+            np.searchsorted(owners, np.arange(last - first + 1)),
             untrusted,
         )
 
@@ -169,13 +172,22 @@ def document_words(store: Snapshot, documents: Iterable[Placed]) -> list[WordArr
     -------
     list of ndarray of uint64, each of shape (T,)
     """
-    pieces = itertools.groupby(documents, lambda p: (p.file.number, p.frame_offset // BATCH_FRAMES))
-    return [words for _, piece in pieces for words in _read(store, list(piece))]
+    near = itertools.groupby(documents, lambda p: (p.file.number, p.frame_offset // BATCH_FRAMES))
+    return [words for _, piece in near for words in _each(store, list(piece))]
 
 
-def _read(store: Snapshot, piece: Sequence[Placed]) -> list[WordArray]:
+def _each(store: Snapshot, piece: Sequence[Placed]) -> Iterator[WordArray]:
+    start, words = _read(store, piece)
+    for placed in piece:
+        yield words[placed.frame_offset - start :][: placed.document.frames]
+
+
+def _read(store: Snapshot, piece: Sequence[Placed]) -> tuple[int, WordArray]:
     """Read neighbours at one go: whatever is read costs the digest of whole blocks."""
     start = piece[0].frame_offset
     stop = piece[-1].frame_offset + piece[-1].document.frames
-    words = store.array(piece[0].file, FRAME_WORDS.path, start, stop).astype(np.uint64)
-    return [words[placed.frame_offset - start :][: placed.document.frames] for placed in piece]
+    return start, _words(store, piece[0].file, start, stop)
+
+
+def _words(store: Snapshot, file: SegmentFile, start: int, stop: int) -> WordArray:
+    return store.array(file, FRAME_WORDS.path, start, stop).astype(np.uint64, copy=False)

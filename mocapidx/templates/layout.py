@@ -76,11 +76,19 @@ def lay_out(
     spans = front + lengths + padding + 2
     ends = np.cumsum(spans)
     first = ends - spans + front
-    document = np.repeat(np.arange(len(lengths)), spans)
-    frame = np.clip(np.arange(len(document)) - first[document], 0, lengths[document] - 1)
     breaks = np.column_stack((ends - 2, ends - 1)).ravel()
     real = np.arange(len(words)) + np.repeat(first - bounds[:-1], lengths)
-    return Layout(words[bounds[document] + frame], breaks, first, padding, real)
+    laid = np.zeros(int(spans.sum()), dtype=np.uint64)
+    laid[real] = words
+    _repeat(laid, first - front, front, words[bounds[:-1]])
+    _repeat(laid, first + lengths, padding, words[bounds[1:] - 1])
+    return Layout(laid, breaks, first, padding, real)
+
+
+def _repeat(laid: WordArray, starts: IndexArray, times: IndexArray, words: WordArray) -> None:
+    """Write each of some words so many times in a row."""
+    places = np.arange(times.sum()) + np.repeat(starts - np.cumsum(times) + times, times)
+    laid[places] = np.repeat(words, times)
 
 
 def end_padding(lengths: IndexArray, rows: int) -> IndexArray:
