@@ -1,21 +1,45 @@
 # make demo   set everything up and run the main job on motion that the project generates
 # make test   set everything up and pass all checks and tests
-# The rest:   dev lint types check bench fixtures pictures clean
+# make sanitize   test the C kernels and the readers with sanitizers of memory and behaviour
+# The rest:   dev kernels tests lint types check bench fixtures pictures clean
 
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 WORK := build
+SANITIZED := $(WORK)/sanitized
+QUICK := test_a_megabyte_of_nonsense_takes_neither_time_nor_memory
+BUILT_FROM := pyproject.toml setup.py $(wildcard mocapidx/kernels/*.[ch])
 
-.PHONY: demo test dev lint types check bench fixtures pictures clean
+.PHONY: demo test tests sanitize dev kernels lint types check bench fixtures pictures clean
 
 demo: $(VENV)/.demo $(WORK)/fixtures/.done
 	$(BIN)/python fixtures/demo.py --fixtures $(WORK)/fixtures --output $(WORK)/demo
 
-test: lint types
+test: lint types tests
+
+tests: $(VENV)/.test
 	$(BIN)/python -m pytest -n auto -q
 
+# The program that the tests start finds the same package by PYTHONPATH; without its library, an
+# exception of C++ ends a process that has the sanitizer.
+sanitize: $(VENV)/.test
+	rm -rf $(SANITIZED)
+	mkdir -p $(SANITIZED)
+	cp -r mocapidx $(SANITIZED)
+	rm -f $(SANITIZED)/mocapidx/kernels/*.so
+	KERNEL_FLAGS="-g -fsanitize=address,undefined -fno-sanitize-recover=all -Wall -Wextra -Werror" \
+	  $(BIN)/python setup.py --quiet build_ext --force \
+	  --build-lib $(SANITIZED) --build-temp $(SANITIZED)/objects
+	LD_PRELOAD="$$($(CC) -print-file-name=libasan.so) $$($(CC) -print-file-name=libstdc++.so)" ASAN_OPTIONS=detect_leaks=0 \
+	  PYTHONMALLOC=malloc PYTHONPATH="$(CURDIR)/$(SANITIZED)" MOCAPIDX_KERNELS=c \
+	  $(BIN)/python -m pytest -q -o pythonpath="$(SANITIZED) ." --capture=sys \
+	  --deselect tests/formats/test_hostile.py::$(QUICK) tests/kernels tests/alignment tests/formats
+
 dev: $(VENV)/.test
+
+kernels: $(VENV)/.test
+	$(BIN)/python setup.py --quiet build_ext --inplace --force
 
 lint: $(VENV)/.test
 	$(BIN)/ruff format --check .
@@ -44,17 +68,17 @@ $(BIN)/python:
 
 # One stamp a set of dependencies; the project itself is always installed in place, and pip
 # compiles nothing that it installs so.
-$(VENV)/.demo: pyproject.toml | $(BIN)/python
+$(VENV)/.demo: $(BUILT_FROM) | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e .
 	$(BIN)/python -m compileall -q mocapidx cli
 	touch $@
 
-$(VENV)/.test: pyproject.toml | $(BIN)/python
+$(VENV)/.test: $(BUILT_FROM) | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test]'
 	$(BIN)/python -m compileall -q mocapidx cli
 	touch $@ $(VENV)/.demo
 
-$(VENV)/.bench: pyproject.toml | $(BIN)/python
+$(VENV)/.bench: $(BUILT_FROM) | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[bench]'
 	$(BIN)/python -m compileall -q mocapidx cli
 	touch $@ $(VENV)/.demo

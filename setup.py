@@ -1,7 +1,12 @@
-"""Builds the optional C kernels; all else about the package stands in pyproject.toml."""
+"""Builds the optional C kernels; all else about the package stands in pyproject.toml.
+
+A kernel that doesn't compile is left out. The environment's KERNEL_FLAGS go to compiler and linker
+after all other flags, such as those of a sanitizer; a kernel that doesn't compile is then an error.
+"""
 
 import glob
 import os
+import sysconfig
 
 from setuptools import Extension, setup
 from setuptools.command.build_ext import build_ext
@@ -9,9 +14,12 @@ from setuptools.command.build_ext import build_ext
 FOLDER = "mocapidx/kernels"
 FLAGS = {
     # NumPy neither fuses a multiplication with an addition nor reorders sums: nor may the kernels.
-    "unix": ["-std=c11", "-O3", "-ffp-contract=off", "-fvisibility=hidden"],
+    "unix": ["-std=c11", "-O3", "-g0", "-ffp-contract=off", "-fvisibility=hidden"],
     "msvc": ["/O2", "/fp:precise", "/std:c11"],
 }
+OWN_FLAGS = os.environ.get("KERNEL_FLAGS", "").split()
+# One library for all versions of Python from 3.11 on, which one without a global lock can't load.
+LIMITED = not sysconfig.get_config_var("Py_GIL_DISABLED")
 
 
 class BuildKernels(build_ext):
@@ -19,10 +27,9 @@ class BuildKernels(build_ext):
 
     def build_extensions(self):
         """Give each kernel the flags of the compiler that was found."""
-        flags = FLAGS.get(self.compiler.compiler_type, [])
         for extension in self.extensions:
-            extension.extra_compile_args = flags + os.environ.get("KERNEL_FLAGS", "").split()
-            extension.extra_link_args = os.environ.get("KERNEL_FLAGS", "").split()
+            extension.extra_compile_args = FLAGS.get(self.compiler.compiler_type, []) + OWN_FLAGS
+            extension.extra_link_args = OWN_FLAGS
         super().build_extensions()
 
 
@@ -32,12 +39,12 @@ setup(
             f"mocapidx.kernels._{os.path.basename(source)[:-2]}",
             [source],
             depends=sorted(glob.glob(f"{FOLDER}/*.h")),
-            define_macros=[("Py_LIMITED_API", "0x030B0000")],
-            py_limited_api=True,
-            optional=True,
+            define_macros=[("Py_LIMITED_API", "0x030B0000")] if LIMITED else [],
+            py_limited_api=LIMITED,
+            optional=not OWN_FLAGS,
         )
         for source in sorted(glob.glob(f"{FOLDER}/*.c"))
     ],
     cmdclass={"build_ext": BuildKernels},
-    options={"bdist_wheel": {"py_limited_api": "cp311"}},
+    options={"bdist_wheel": {"py_limited_api": "cp311"}} if LIMITED else {},
 )

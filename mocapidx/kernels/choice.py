@@ -12,13 +12,14 @@ from types import ModuleType
 from typing import Final
 
 from mocapidx.errors import ParameterError
+from mocapidx.printable import shown
 
-__all__ = ["VARIABLE", "compiled", "kernels_in_use"]
+__all__ = ["VARIABLE", "compiled", "instructions_in_use", "kernels_in_use"]
 
 VARIABLE: Final = "MOCAPIDX_KERNELS"
 """Environment variable: ``numpy`` forces the fallback, ``c`` demands the compiled kernels."""
 
-KERNELS: Final[tuple[str, ...]] = ("matching",)
+KERNELS: Final[tuple[str, ...]] = ("matching", "text")
 
 
 @cache
@@ -42,7 +43,7 @@ def compiled(name: str) -> ModuleType | None:
     """
     wanted = os.environ.get(VARIABLE, "")
     if wanted not in ("", "c", "numpy"):
-        raise ParameterError(f"{VARIABLE} must be 'c' or 'numpy', got '{wanted}'")
+        raise ParameterError(f"{VARIABLE} must be 'c' or 'numpy', got '{shown(wanted)}'")
     if wanted == "numpy":
         return None
     try:
@@ -68,3 +69,14 @@ def kernels_in_use() -> str:
     if found and all(found):
         return "c"
     return "c and numpy" if any(found) else "numpy"
+
+
+def instructions_in_use() -> str:
+    """Name the way in which templates are matched, the fastest that the processor has.
+
+    Returns
+    -------
+    {"avx512", "avx2", "ssse3", "portable", "numpy"}
+    """
+    kernel = compiled("matching")
+    return "numpy" if kernel is None else str(kernel.levels()[0])

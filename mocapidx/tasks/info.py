@@ -8,6 +8,7 @@ import numpy as np
 
 from mocapidx.errors import ParameterError
 from mocapidx.features.featureset import PARTS, FeatureSet
+from mocapidx.kernels.choice import instructions_in_use, kernels_in_use
 from mocapidx.printable import shown
 from mocapidx.store import schema
 from mocapidx.store.manifest import Document, Placed, Rig
@@ -40,7 +41,8 @@ def store_info(store: str | Path) -> Record:
     -------
     mapping of str to number or str
         Documents, minutes, frames; segments, lists and bytes a segment of each sub-index (the
-        serialised lists alone); size on disk, feature set and versions.
+        serialised lists alone); size on disk, feature set and versions; which kernels run, and
+        with what instructions.
 
     Raises
     ------
@@ -68,6 +70,8 @@ def store_info(store: str | Path) -> Record:
             "store_format": schema.FORMAT_VERSION,
             "commits": snapshot.manifest.generation,
             "mocapidx": version("mocapidx"),
+            "kernels": kernels_in_use(),
+            "instructions": instructions_in_use(),
         }
     return facts
 
