@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from mocapidx.features.featureset import FeatureSet, load_feature_set
     from mocapidx.model import Hit, Motion
     from mocapidx.store.read import Snapshot as Store
+    from mocapidx.store.read import open_store
     from mocapidx.tasks.align import align_motions
     from mocapidx.tasks.annotate import annotate_motion
     from mocapidx.tasks.index import compact_store, index_files
@@ -19,9 +20,10 @@ if TYPE_CHECKING:
     from mocapidx.tasks.learn import learn_classes
     from mocapidx.tasks.learn_thresholds import learn_feature
     from mocapidx.tasks.query import query_store
-    from mocapidx.tasks.read import read_motion, skeleton_report
+    from mocapidx.tasks.read import read_motion
     from mocapidx.tasks.reindex import reindex_store
     from mocapidx.tasks.retrieve import retrieve
+    from mocapidx.tasks.skeleton_report import skeleton_report
     from mocapidx.tasks.verify import verify_store
     from mocapidx.templates.file import load_templates
     from mocapidx.templates.template import MotionTemplate
@@ -42,6 +44,7 @@ __all__ = [
     "learn_feature",
     "load_feature_set",
     "load_templates",
+    "open_store",
     "query_store",
     "read_motion",
     "reindex_store",
@@ -67,11 +70,12 @@ _HOMES = {
     "learn_feature": "tasks.learn_thresholds:learn_feature",
     "load_feature_set": "features.featureset:load_feature_set",
     "load_templates": "templates.file:load_templates",
+    "open_store": "store.read:open_store",
     "query_store": "tasks.query:query_store",
     "read_motion": "tasks.read:read_motion",
     "reindex_store": "tasks.reindex:reindex_store",
     "retrieve": "tasks.retrieve:retrieve",
-    "skeleton_report": "tasks.read:skeleton_report",
+    "skeleton_report": "tasks.skeleton_report:skeleton_report",
     "store_info": "tasks.info:store_info",
     "verify_store": "tasks.verify:verify_store",
 }

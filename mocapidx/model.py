@@ -1,17 +1,19 @@
 """What flows between the parts: plain frozen records, no behaviour beyond checks."""
 
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Final, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mocapidx.errors import ParameterError
+from mocapidx.markup import facts_html, point_figures_html, table_html
 
 __all__ = [
     "BoolArray",
     "FloatArray",
     "Hit",
+    "HitList",
     "IndexArray",
     "Motion",
     "PointRecording",
@@ -25,6 +27,11 @@ BoolArray: TypeAlias = NDArray[np.bool_]
 FloatArray: TypeAlias = NDArray[np.floating]
 IndexArray: TypeAlias = NDArray[np.int64]
 WordArray: TypeAlias = NDArray[np.uint64]
+FIGURES: Final = 6
+"""Poses of a motion that a notebook shows."""
+MOST_ROWS: Final = 20
+"""Hits that a notebook shows."""
+
 Up: TypeAlias = Literal["x", "y", "z", "-x", "-y", "-z"]
 
 
@@ -158,6 +165,27 @@ class Motion:
         if self.rest is not None and self.rest.shape != (joints, 3):
             raise ParameterError(f"rest must have the shape ({joints}, 3), got {self.rest.shape}")
 
+    def _repr_html_(self) -> str:
+        """Show the motion in a notebook: what is known of it, and a few of its poses."""
+        frames = len(self.positions)
+        lacking = [
+            name
+            for name, whole in zip(self.joints, self.positions.swapaxes(0, 1), strict=True)
+            if not np.isfinite(whole).any()
+        ]
+        facts = {
+            "length": f"{frames} frames at {self.rate:g} Hz, {frames / self.rate:.2f} s",
+            "joints": len(self.joints) - len(lacking),
+            "lacking": ", ".join(lacking) or "none",
+            "made": ", ".join(self.made) or "none",
+        }
+        html = facts_html("Motion", facts)
+        if not frames or len(lacking) == len(self.joints):
+            return html
+        chosen = np.unique(np.linspace(0, frames - 1, FIGURES).astype(np.int64))
+        times = ", ".join(f"{frame / self.rate:.2f} s" for frame in chosen)
+        return html + point_figures_html(self.positions[chosen], self.joints, f"poses at {times}")
+
 
 @dataclass(frozen=True, slots=True)
 class Hit:
@@ -188,3 +216,18 @@ class Hit:
     source_end_frame: int
     cost: float
     label: str
+
+
+class HitList(tuple[Hit, ...]):
+    """Hits, best first; a tuple that shows itself as a table in a notebook."""
+
+    __slots__ = ()
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (rank, hit.document, hit.start_time, hit.end_time, hit.cost, hit.label)
+            for rank, hit in enumerate(self[:MOST_ROWS], start=1)
+        ]
+        more = len(self) - len(rows)
+        below = f"and {more} more" if more else "" if rows else "no hits"
+        return table_html(("", "document", "start s", "end s", "cost", "label"), rows, below)

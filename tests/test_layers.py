@@ -9,7 +9,7 @@ ROOT = Path(__file__).parent.parent / "mocapidx"
 CLI = Path(__file__).parent.parent / "cli"
 
 LAYERS = (
-    *("errors", "printable", "model", "units", "toml_files", "kernels", "durable"),
+    *("errors", "printable", "markup", "model", "units", "toml_files", "kernels", "durable"),
     *("formats", "skeleton", "features", "segments", "alignment", "store", "index", "queries"),
     *("templates", "graphs", "synthesis", "evaluation", "reports", "tasks", "__init__"),
 )

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mocapidx.errors import ParameterError, StoreError
+from mocapidx.markup import facts_html, table_html
 from mocapidx.store import schema
 from mocapidx.store.encoding import decode_manifest
 from mocapidx.store.files import DamagedError, open_regular, open_segment, read_exactly, reason
@@ -30,6 +31,8 @@ from mocapidx.store.manifest import (
 __all__ = ["Snapshot", "open_store", "read_manifest"]
 
 ATTEMPTS: Final = 5
+LISTED: Final = 10
+"""Documents that a notebook shows."""
 MOVED: Final = frozenset({errno.ENOENT, errno.ESTALE})
 
 
@@ -52,6 +55,21 @@ class Snapshot:
         self.manifest = manifest
         self._descriptors: dict[str, int] = {}
         self._heads: dict[int, bytes] = {}
+
+    def _repr_html_(self) -> str:
+        """Show the store in a notebook: what it holds, and its first documents."""
+        settings, placed = self.manifest.settings, self.documents()
+        frames = sum(each.document.frames for each in placed)
+        facts = {
+            "store": self.path,
+            "documents": len(placed),
+            "minutes": frames / settings.rate / 60,
+            "rate": f"{settings.rate:g} Hz",
+            "feature set": settings.feature_set_name,
+        }
+        rows = [(one.document.name, one.document.frames / settings.rate) for one in placed[:LISTED]]
+        more = f"and {len(placed) - LISTED} more" if len(placed) > LISTED else ""
+        return facts_html("Store", facts) + table_html(("document", "seconds"), rows, more)
 
     @property
     def files(self) -> tuple[SegmentFile, ...]:

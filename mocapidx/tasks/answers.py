@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from mocapidx.features.featureset import FeatureSet
-from mocapidx.model import FloatArray, Hit, IndexArray
+from mocapidx.model import FloatArray, Hit, HitList, IndexArray
 from mocapidx.printable import count
 from mocapidx.queries.evaluate import DocumentGroup, GroupHits, evaluate
 from mocapidx.queries.pattern import Pattern
@@ -57,6 +57,9 @@ class Found:
     remarks: tuple[str, ...]
     extras: tuple[Mapping[str, object], ...] = ()
     explanation: tuple[str, ...] = ()
+
+    def _repr_html_(self) -> str:
+        return HitList(self.hits)._repr_html_()
 
     def records(self) -> list[Record]:
         """Lay the hits out as records, ranked from 1, with their further keys at the end."""

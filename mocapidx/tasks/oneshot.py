@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from mocapidx.features.featureset import FeatureSet
-from mocapidx.model import FloatArray, Hit, IndexArray
+from mocapidx.model import FloatArray, Hit, HitList, IndexArray
 from mocapidx.printable import count, shown
 from mocapidx.store.manifest import Placed
 from mocapidx.tasks.answers import feature_names, open_archive
@@ -83,6 +83,9 @@ class AutoFound:
     accepted: tuple[Hit, ...]
     weights: tuple[WeightShare, ...]
     remarks: tuple[str, ...]
+
+    def _repr_html_(self) -> str:
+        return HitList(self.hits)._repr_html_()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -178,7 +181,7 @@ def query_auto(
     )
     sure = costs[:top] <= SURE * median
     return AutoFound(
-        hits,
+        HitList(hits),
         tuple(sure.tolist()),
         answer.accepted,
         tuple(_weights(answer.pattern, feature_set)),

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from mocapidx.errors import ParameterError
+from mocapidx.model import HitList
 from mocapidx.queries.evaluate import MODES
 from mocapidx.queries.pattern import Pattern, mirror_pattern
 from mocapidx.tasks.answers import (
@@ -294,7 +295,7 @@ def _by_scene(archive: Archive, path: str | Path, asking: Asking) -> Found:
     chosen = best(archive, answers, asking.top)
     extras = tuple({"mirrored": one.answer.mirrored} for one in chosen) if asking.mirror else ()
     lines = tuple(explain_scene(archive, scene, asking.mode, chosen)) if asking.explain else ()
-    return Found(tuple(one.hit for one in chosen), tuple(remarks), extras, lines)
+    return Found(HitList(one.hit for one in chosen), tuple(remarks), extras, lines)
 
 
 def _found(
@@ -331,7 +332,7 @@ def _found(
                     )
             if several and any(len(a.documents) for q in questions for a in q.answers):
                 lines.append("each example has hits, but nowhere do hits of all overlap")
-    hits = tuple(one.hit for one in chosen)
+    hits = HitList(one.hit for one in chosen)
     return Found(hits, tuple(remarks), tuple(extras) if any(extras) else (), tuple(lines))
 
 

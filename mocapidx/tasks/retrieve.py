@@ -15,7 +15,7 @@ import numpy as np
 from mocapidx.alignment.subsequence import CostArray, Steps
 from mocapidx.durable import durable_replace
 from mocapidx.errors import ParameterError
-from mocapidx.model import Hit
+from mocapidx.model import Hit, HitList
 from mocapidx.printable import shown
 from mocapidx.store.read import Snapshot, open_store
 from mocapidx.tasks.hits import make_hit
@@ -114,6 +114,9 @@ class Retrieved:
     hits: tuple[Hit, ...]
     remarks: tuple[str, ...]
 
+    def _repr_html_(self) -> str:
+        return HitList(self.hits)._repr_html_()
+
 
 def parse_keyframes(text: str) -> KeyframeChoice:
     """Understand ``none``, ``auto`` or columns of a template such as ``8,44``.
@@ -191,7 +194,7 @@ def retrieve(
     found.sort(key=lambda hit: (hit.cost, hit.document, hit.start_frame))
     if profile is not None:
         durable_replace(profile, _profile_chunks(curves, known.rate))
-    return Retrieved(tuple(found[: options.top]), tuple(remarks))
+    return Retrieved(HitList(found[: options.top]), tuple(remarks))
 
 
 def _search(

@@ -6,6 +6,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from mocapidx.errors import ParameterError
+from mocapidx.markup import facts_html, grey_picture_html
 from mocapidx.model import FloatArray
 from mocapidx.printable import shown
 
@@ -78,6 +79,22 @@ class MotionTemplate:
     tau: float | None = None
     kind: Kind = "class"
     looping: bool = False
+
+    def _repr_html_(self) -> str:
+        """Show the template in a notebook: rows are features, columns are frames, white is 1."""
+        frames, features = self.matrix.shape
+        decided = float(np.mean((self.matrix < self.delta) | (self.matrix > 1 - self.delta)))
+        facts = {
+            "length": f"{frames} frames at {self.rate:g} Hz, {frames / self.rate:.2f} s",
+            "features": features,
+            "decided": f"{decided:.0%} of the entries",
+            "examples": len(self.documents),
+            "threshold": f"{self.threshold:.3f}",
+        }
+        picture = grey_picture_html(
+            self.matrix.T, min(4 * frames, 900), 6 * features, f"template of {self.label}"
+        )
+        return facts_html(f"Motion template: {self.label}", facts) + picture
 
     def __post_init__(self) -> None:
         shape, where = self.matrix.shape, f"template '{shown(self.label)}'"
