@@ -1,13 +1,11 @@
 """AMC: the motion of an Acclaim file pair, one line a bone and frame.
 
-Every frame lists the same bones, nearly always in the same order. Blocks of frames that do are
-read as one table; whatever differs is read line by line, which also finds what is wrong.
+What the angles are in, and which bones there are in which order, the ASF and the first lines
+tell; `mocapidx.formats.amc_frames` reads the rest.
 """
 
 import math
 import os
-import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -15,20 +13,16 @@ from typing import Final
 import numpy as np
 
 from mocapidx.errors import FormatError
+from mocapidx.formats.amc_frames import FRAME_NUMBER, Layout, numbered_words, quoted, read_frames
 from mocapidx.formats.asf import Acclaim, read_asf
-from mocapidx.formats.numbers import Tokens, find_tokens, parse_number, parse_numbers, words_of
-from mocapidx.formats.text import Limits, decoded, place, read_text
-from mocapidx.model import FloatArray, IndexArray, Recording
-from mocapidx.printable import shown
+from mocapidx.formats.numbers import parse_number
+from mocapidx.formats.table import FrameTable
+from mocapidx.formats.text import Limits, decoded, open_text, place
+from mocapidx.model import IndexArray, Recording
 
 __all__ = ["find_skeleton", "read_amc"]
 
-BLOCK: Final = 1 << 18  # bytes converted at a time: what fits a processor's cache
-LONGEST_NUMBER: Final = 64
-KEPT_LETTERS: Final = np.array([(1 << 8 * n) - 1 for n in range(9)], dtype=np.uint64)
-LARGE: Final = 1 << 24  # a block that is not cut into frames is no table
-FRAME_LINE: Final = re.compile(rb"\n[ \t]*[0-9]{1,15}[ \t\r]*(?=\n)")
-FRAME_NUMBER: Final = re.compile(rb"[0-9]{1,15}")
+BLOCK: Final = 1 << 18  # bytes read at a time: what fits a processor's cache
 SLOWEST, FASTEST = 0.1, 10_000.0  # Hz
 
 
@@ -105,28 +99,36 @@ def read_amc(path: Path, skeleton_path: Path | None, limits: Limits) -> Recordin
         If a file is of another format, is cut off or exceeds a limit, or if the two do not
         belong together.
     """
-    data = read_text(path, limits)
-    acclaim = read_asf(skeleton_path or find_skeleton(path), limits)
-    header = _read_header(path, data, acclaim.degrees)
-    table = _table(path, data, header, acclaim)
-    values = table.read(data, header, limits)
-    nodes, kinds, order = _channels(acclaim, table)
-    values = np.take(values, order, axis=1)
-    if header.degrees:
-        values *= np.where(kinds >= 3, np.pi / 180, 1.0)
-    return Recording(acclaim.skeleton, nodes, kinds, values, header.rate, acclaim.unit)
+    with open_text(path, limits) as file:
+        text = file.read(BLOCK)
+        acclaim = read_asf(skeleton_path or find_skeleton(path), limits)
+        while (header := _read_header(path, text)) is None:
+            more = file.read(max(BLOCK, len(text)))
+            if not more:
+                raise FormatError(f"{place(path)}: not an AMC file: it has no frames")
+            text += more
+        text = text[header.end :] + file.read(BLOCK)
+        layout = _layout(path, text, header, acclaim)
+        nodes, kinds, order = _channels(acclaim, layout)
+        degrees = acclaim.degrees if header.degrees is None else header.degrees
+        scales = np.where((kinds >= 3) & degrees, np.pi / 180, 1.0)
+        targets = np.argsort(order)
+        table = FrameTable(targets, scales[targets])
+        read_frames(file, text, header.lines, layout, table, limits, BLOCK)
+    return Recording(acclaim.skeleton, nodes, kinds, table.finish(), header.rate, acclaim.unit)
 
 
 @dataclass(frozen=True, slots=True)
 class _Header:
-    degrees: bool
+    degrees: bool | None
     rate: float | None
     end: int  # in bytes
     lines: int
 
 
-def _read_header(path: Path, data: bytes, degrees: bool) -> _Header:
-    rate = None
+def _read_header(path: Path, data: bytes) -> _Header | None:
+    """Read what stands before the first frame; None if there is none."""
+    degrees = rate = None
     at = number = 0
     while at < len(data):
         end = data.find(b"\n", at)
@@ -141,7 +143,7 @@ def _read_header(path: Path, data: bytes, degrees: bool) -> _Header:
         if not key.startswith(b":"):
             raise FormatError(
                 f"{place(path, number)}: not an AMC file: expected a frame number, "
-                f"found {_quoted(words[0])}"
+                f"found {quoted(words[0])}"
             )
         if key in (b":DEGREES", b":RADIANS"):
             degrees = key == b":DEGREES"
@@ -149,182 +151,32 @@ def _read_header(path: Path, data: bytes, degrees: bool) -> _Header:
             rate = parse_number(words[1]) if len(words) == 2 else math.nan
             if not SLOWEST <= rate <= FASTEST:
                 raise FormatError(
-                    f"{place(path, number)}: {_quoted(b' '.join(words))}: "
+                    f"{place(path, number)}: {quoted(b' '.join(words))}: "
                     "expected samples a second between 0.1 and 10000"
                 )
-    raise FormatError(f"{place(path)}: not an AMC file: it has no frames")
+    return None
 
 
-@dataclass(frozen=True, slots=True)
-class _Table:
-    """The layout of a frame: its bones as the first frame orders them.
-
-    Parameters
-    ----------
-    path : Path
-        The AMC file.
-    skeleton : Path
-        The ASF file.
-    names : tuple of bytes
-        One a bone.
-    nodes : tuple of int
-        The node of each bone.
-    counts : tuple of int
-        The number of values of each bone.
-    """
-
-    path: Path
-    skeleton: Path
-    names: tuple[bytes, ...]
-    nodes: tuple[int, ...]
-    counts: tuple[int, ...]
-
-    def read(self, data: bytes, header: _Header, limits: Limits) -> FloatArray:
-        """Return all frames, shape (T, values a frame), in the order of the layout."""
-        blocks: list[FloatArray] = []
-        at, frames = header.end, 0
-        counted, line = at, header.lines
-        first = int(data[at : at + LONGEST_NUMBER].split(None, 1)[0])
-        while at < len(data):
-            end = self._end_of_frames(data, at)
-            block = data[at:end]
-            rows = self._read_regular(block, first + frames) if len(block) < LARGE else None
-            if rows is None:
-                line += data.count(b"\n", counted, at)
-                counted = at
-                rows = self._read_lines(block, first + frames, line)
-            blocks.append(rows)
-            frames += len(rows)
-            limits.check_frames(frames, self.path)
-            at = end
-        return np.concatenate(blocks)
-
-    def _end_of_frames(self, data: bytes, at: int) -> int:
-        """Return where a block of whole frames ends that begins at `at`."""
-        if at + BLOCK >= len(data):
-            return len(data)
-        # the number of a frame stands in the line above its first bone
-        bone = data.rfind(b"\n" + self.names[0], at, at + BLOCK)
-        number = data.rfind(b"\n", at, bone) if bone > 0 else -1
-        if number > at and FRAME_NUMBER.fullmatch(data[number + 1 : bone].strip()):
-            return number + 1
-        following = FRAME_LINE.search(data, at + BLOCK)  # bones in another order
-        return following.start() + 1 if following else len(data)
-
-    def _read_regular(self, block: bytes, first: int) -> FloatArray | None:
-        """Read frames that all have the layout; None if any has not."""
-        tokens = find_tokens(block)
-        width = 1 + len(self.counts) + sum(self.counts)
-        if len(tokens.starts) % width:
-            return None
-        starts, ends = (a.reshape(-1, width) for a in (tokens.starts, tokens.ends))
-        columns = np.cumsum([1, *(1 + n for n in self.counts[:-1])])
-        if not self._has_names(tokens, starts[:, columns], ends[:, columns]):
-            return None
-        is_value = np.ones(width, dtype=bool)
-        is_value[columns] = False
-        numbers, bad = parse_numbers(
-            tokens.text, starts[:, is_value].ravel(), ends[:, is_value].ravel()
-        )
-        numbers = numbers.reshape(len(starts), -1)
-        if len(bad) or (numbers[:, 0] != np.arange(first, first + len(numbers))).any():
-            return None
-        return numbers[:, 1:]
-
-    def _has_names(self, tokens: Tokens, starts: IndexArray, ends: IndexArray) -> bool:
-        lengths = np.array([len(name) for name in self.names])
-        if (ends - starts != lengths).any():
-            return False
-        words = words_of(tokens.text)
-        longest = lengths.max()
-        padded = b"".join(name.ljust(longest + 8, b"\0") for name in self.names)
-        pieces = np.frombuffer(padded, dtype=np.uint8).reshape(len(self.names), -1)
-        for at in range(0, longest, 8):  # eight letters of all names at once
-            piece = np.ascontiguousarray(pieces[:, at : at + 8]).view("<u8")[:, 0]
-            letters = KEPT_LETTERS[np.clip(lengths - at, 0, 8)]
-            found = words[np.minimum(starts + at, len(words) - 1)]
-            if ((found & letters) != piece).any():
-                return False
-        return True
-
-    def _read_lines(self, block: bytes, first: int, line: int) -> FloatArray:
-        """Read frames line by line; bones may come in any order."""
-        begins = dict(zip(self.names, np.cumsum((0, *self.counts)).tolist(), strict=False))
-        counts = dict(zip(self.names, self.counts, strict=True))
-        rows: list[list[float]] = []
-        seen: set[bytes] = set()
-        number = line
-        for number, words in _numbered_words(block, line + 1):
-            if len(words) == 1 and FRAME_NUMBER.fullmatch(words[0]):
-                if rows:
-                    self._check_whole(seen, number, first + len(rows) - 1)
-                if int(words[0]) != first + len(rows):
-                    raise self._error(
-                        number, f"frame {int(words[0])}, expected {first + len(rows)}"
-                    )
-                rows.append([0.0] * sum(self.counts))
-                seen = set()
-                continue
-            bone, frame = words[0], first + len(rows) - 1
-            if bone not in counts:
-                raise self._error(number, f"frame {frame}: {self._unknown(bone)}")
-            if bone in seen:
-                raise self._error(number, f"frame {frame} has bone {_quoted(bone)} twice")
-            seen.add(bone)
-            if len(words) - 1 != counts[bone]:
-                raise self._error(number, self._wrong_count(frame, bone, len(words) - 1))
-            for i, word in enumerate(words[1:]):
-                value = parse_number(word)
-                if math.isnan(value):
-                    raise self._error(
-                        number,
-                        f"frame {frame}: value {i + 1} of {_quoted(bone)} is {_quoted(word)}, "
-                        "expected a number",
-                    )
-                rows[-1][begins[bone] + i] = value
-        self._check_whole(seen, number, first + len(rows) - 1)
-        return np.array(rows)
-
-    def _check_whole(self, seen: set[bytes], line: int, frame: int) -> None:
-        missing = [name for name in self.names if name not in seen]
-        if missing:
-            raise self._error(line, f"frame {frame} ends without bone {_quoted(missing[0])}")
-
-    def _wrong_count(self, frame: int, bone: bytes, count: int) -> str:
-        needed = self.counts[self.names.index(bone)]
-        return (
-            f"frame {frame} has {count} values for {_quoted(bone)}, "
-            f"{shown(self.skeleton.name)} gives it {needed} degrees of freedom"
-        )
-
-    def _unknown(self, bone: bytes) -> str:
-        return (
-            f"bone {_quoted(bone)} is not one that {shown(self.skeleton.name)} moves; "
-            "name the right skeleton with --skeleton"
-        )
-
-    def _error(self, line: int, message: str) -> FormatError:
-        return FormatError(f"{place(self.path, line)}: {message}")
-
-
-def _table(path: Path, data: bytes, header: _Header, acclaim: Acclaim) -> _Table:
+def _layout(path: Path, text: bytes, header: _Header, acclaim: Acclaim) -> Layout:
     """Return the layout: the bones of the skeleton in the order of the first frame."""
     moved = {n: i for i, n in enumerate(acclaim.skeleton.names) if acclaim.columns[i]}
+    if not moved:
+        raise FormatError(f"{place(acclaim.path)}: none of its bones can move")
     order: dict[bytes, int] = {}
-    for _, words in _numbered_words(data[header.end :], header.lines + 1, most=len(moved) + 1):
+    for _, words in numbered_words(text, header.lines + 1, most=len(moved) + 1):
         if decoded(words[0]) in moved:
             order.setdefault(words[0], moved[decoded(words[0])])
     rest = {n.encode("utf-8", "surrogateescape"): i for n, i in moved.items()}
     order |= {n: i for n, i in rest.items() if n not in order}
     counts = tuple(len(acclaim.columns[i]) for i in order.values())
-    return _Table(path, acclaim.path, tuple(order), tuple(order.values()), counts)
+    return Layout(path, acclaim.path, tuple(order), tuple(order.values()), counts)
 
 
-def _channels(acclaim: Acclaim, table: _Table) -> tuple[IndexArray, IndexArray, list[int]]:
+def _channels(acclaim: Acclaim, layout: Layout) -> tuple[IndexArray, IndexArray, list[int]]:
     """Return node, kind and column of each channel; the rotation applied last comes first."""
-    begins = dict(zip(table.nodes, np.cumsum((0, *table.counts)).tolist(), strict=False))
+    begins = dict(zip(layout.nodes, np.cumsum((0, *layout.counts)).tolist(), strict=False))
     nodes, kinds, order = [], [], []
-    for node in sorted(table.nodes):
+    for node in sorted(layout.nodes):
         columns = acclaim.columns[node]
         wanted = (0, 1, 2, *reversed(acclaim.turns[node]))
         for kind in (k for k in wanted if k in columns):
@@ -332,24 +184,3 @@ def _channels(acclaim: Acclaim, table: _Table) -> tuple[IndexArray, IndexArray, 
             kinds.append(kind)
             order.append(begins[node] + columns.index(kind))
     return np.array(nodes, dtype=np.int64), np.array(kinds, dtype=np.int64), order
-
-
-def _numbered_words(
-    data: bytes, first: int, most: int | None = None
-) -> Iterator[tuple[int, list[bytes]]]:
-    """Yield number and words of each line that is neither blank nor a comment."""
-    at, number = 0, first - 1
-    given = 0
-    while at < len(data) and (most is None or given < most):
-        end = data.find(b"\n", at)
-        end = len(data) if end < 0 else end
-        words = data[at:end].split()
-        at = end + 1
-        number += 1
-        if words and not words[0].startswith(b"#"):
-            given += 1
-            yield number, words
-
-
-def _quoted(word: bytes) -> str:
-    return f"'{shown(decoded(word), 40)}'"

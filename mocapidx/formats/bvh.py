@@ -16,7 +16,9 @@ import numpy as np
 
 from mocapidx.errors import FormatError
 from mocapidx.formats.numbers import find_tokens, parse_number, parse_numbers
-from mocapidx.formats.text import Limits, decoded, place, read_text
+from mocapidx.formats.table import FrameTable
+from mocapidx.formats.text import Limits, TextFile, decoded, open_text, place
+from mocapidx.kernels.choice import compiled
 from mocapidx.model import FloatArray, Recording, Skeleton
 from mocapidx.printable import shown
 
@@ -53,7 +55,8 @@ def read_bvh(path: Path, limits: Limits) -> Recording:
         If the file is no BVH file, is cut off or exceeds a limit, or if two joints have the
         same name.
     """
-    return _Bvh(path, read_text(path, limits), limits).recording()
+    with open_text(path, limits) as file:
+        return _Bvh(path, file, limits).recording()
 
 
 @dataclass
@@ -67,11 +70,12 @@ class _Node:
 
 @dataclass
 class _Bvh:
-    """One file while it is read: `at` is the place of the next line, `line` its number."""
+    """One file while it is read: `at` is the place of the next line, `line` the lines before."""
 
     path: Path
-    data: bytes
+    file: TextFile
     limits: Limits
+    data: bytes = b""  # whole lines
     at: int = 0
     line: int = 0
     nodes: list[_Node] = field(default_factory=list)
@@ -80,12 +84,11 @@ class _Bvh:
         self._read_hierarchy()
         frames, rate = self._read_motion_header()
         columns = [(i, k) for i, n in enumerate(self.nodes) for k in n.channels or ()]
-        values = self._read_rows(len(columns))
+        kinds = np.array([k for _, k in columns], dtype=np.int64)
+        values = self._read_rows(np.where(kinds >= 3, np.pi / 180, 1.0))
         if len(values) != frames:
             hint = "; is the file cut off?" if len(values) < frames else ""
             raise self._error(f"says {frames} frames, has {len(values)}{hint}", line=None)
-        kinds = np.array([k for _, k in columns], dtype=np.int64)
-        values *= np.where(kinds >= 3, np.pi / 180, 1.0)
         skeleton = Skeleton(
             names=tuple(n.name for n in self.nodes),
             parents=np.array([n.parent for n in self.nodes], dtype=np.int64),
@@ -100,7 +103,7 @@ class _Bvh:
 
     def _next_line(self) -> bytes | None:
         """Return the next line that is not blank, without its outer blanks; None at the end."""
-        while self.at < len(self.data):
+        while self._has_more():
             end = self.data.find(b"\n", self.at)
             end = len(self.data) if end < 0 else end
             line = self.data[self.at : end].strip()
@@ -109,6 +112,12 @@ class _Bvh:
             if line:
                 return line
         return None
+
+    def _has_more(self) -> bool:
+        """Whether there are lines after this place; the next block is read if need be."""
+        if self.at >= len(self.data):
+            self.data, self.at = self.file.read(BLOCK), 0
+        return self.at < len(self.data)
 
     def _statements(self) -> Iterator[bytes]:
         """Yield the lines of the hierarchy; a brace is a statement of its own."""
@@ -236,22 +245,21 @@ class _Bvh:
             raise self._error("says 0 frames; there is no motion in the file", line=self.line - 1)
         return int(number), _rate(time[1], seconds)
 
-    def _read_rows(self, width: int) -> FloatArray:
+    def _read_rows(self, scales: FloatArray) -> FloatArray:
         """Read the rows of numbers; the memory follows the file, not what it says of itself."""
-        blocks: list[FloatArray] = []
-        frames = 0
-        while self.at < len(self.data):
-            end = self.data.rfind(b"\n", self.at, self.at + BLOCK)
-            if end < 0:
-                end = self.data.find(b"\n", self.at)
-            block = self.data[self.at : end if end >= 0 else len(self.data)]
-            rows = self._rows_of(block, width)
-            self.at += len(block) + 1
-            self.line += block.count(b"\n") + 1
-            blocks.append(rows)
-            frames += len(rows)
-            self.limits.check_frames(frames, self.path)
-        return np.concatenate(blocks) if blocks else np.empty((0, width))
+        table = FrameTable(np.arange(len(scales)), scales)
+        kernel = compiled("text")
+        while self._has_more():
+            if kernel is not None:
+                self.at, lines = table.scan(kernel.read_rows, self.data, self.at)
+                self.line += lines
+            if self.at < len(self.data):  # there is no kernel, or it has met what is no row
+                rest = self.data[self.at :]
+                table.extend(self._rows_of(rest, len(scales)))
+                self.at = len(self.data)
+                self.line += rest.count(b"\n")
+            self.limits.check_frames(table.frames, self.path)
+        return table.finish()
 
     def _rows_of(self, block: bytes, width: int) -> FloatArray:
         tokens = find_tokens(block)

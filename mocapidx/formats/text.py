@@ -1,8 +1,10 @@
 """Files read safely: what is no plain file is refused, and nothing unbounded is read."""
 
+import codecs
 import os
 import stat
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Final
@@ -12,7 +14,7 @@ import numpy as np
 from mocapidx.errors import FormatError
 from mocapidx.printable import shown
 
-__all__ = ["Limits", "decoded", "place", "read_binary", "read_text"]
+__all__ = ["Limits", "TextFile", "decoded", "open_text", "place", "read_binary", "read_text"]
 
 LONGEST_LINE: Final = 16 * 1024 * 1024
 CHUNK: Final = 4 * 1024 * 1024
@@ -100,7 +102,93 @@ def read_text(path: Path, limits: Limits) -> bytes:
         named pipe would block for ever), too large, has a line of more than 16 MiB, or is
         changed by somebody else meanwhile.
     """
-    return _with_plain_line_ends(_as_utf8(path, _read_whole(path, limits, _read_lines)))
+    with open_text(path, limits) as file:
+        return b"".join(iter(file.read, b""))
+
+
+@contextmanager
+def open_text(path: Path, limits: Limits) -> Iterator["TextFile"]:
+    """Open a text file that is read block by block.
+
+    Parameters
+    ----------
+    path : Path
+        A plain file, or a symbolic link to one.
+    limits : Limits
+        Only `max_file` counts here.
+
+    Yields
+    ------
+    TextFile
+
+    Raises
+    ------
+    FormatError
+        As `read_text`; that the file is changed meanwhile goes before all that is found in it.
+    """
+    with _opened(path, limits) as (file, size):
+        yield TextFile(path, file, size)
+
+
+class TextFile:
+    """A text file while it is read, in one form whatever system wrote it; see `open_text`."""
+
+    def __init__(self, path: Path, file: BinaryIO, size: int) -> None:
+        self._path, self._file = path, file
+        self._left = size + 1  # a byte more shows that the file grows
+        self._begun = self._ended = False
+        self._decoder: codecs.IncrementalDecoder | None = None
+        self._open_line = b""
+
+    def read(self, size: int | None = None) -> bytes:
+        """Return the next whole lines, about `size` bytes of them; nothing at the end."""
+        size = size or CHUNK
+        pieces, self._open_line = [self._open_line] if self._open_line else [], b""
+        length = sum(map(len, pieces))  # of the line that is open
+        while not self._ended:
+            chunk = self._chunk(size)
+            found = [i for i in (chunk.find(b"\n"), chunk.find(b"\r")) if i >= 0]
+            if length + min(found, default=len(chunk)) > LONGEST_LINE:
+                line = self._lines_before(self._file.tell() - len(chunk)) + 1
+                raise FormatError(
+                    f"{place(self._path, line)}: line longer than 16 MiB; not a motion file"
+                )
+            # a CR at the very end may be half of a CRLF
+            end = max(chunk.rfind(b"\n"), chunk.rfind(b"\r", 0, -1)) + 1
+            if end and not self._ended:
+                pieces.append(chunk[:end])
+                self._open_line = chunk[end:]
+                break
+            pieces.append(chunk)
+            length += len(chunk)
+        return _with_plain_line_ends(b"".join(pieces))
+
+    def _chunk(self, size: int) -> bytes:
+        """Return the next bytes of the file, as UTF-8 if it is UTF-16."""
+        size = min(size, self._left)
+        data = _read_bytes(self._path, self._file, size)
+        self._left -= len(data)
+        self._ended = len(data) < size or not self._left
+        if not self._begun:
+            self._begun = True
+            if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+                self._decoder = codecs.getincrementaldecoder("utf-16")()
+            data = data.removeprefix(b"\xef\xbb\xbf")
+        if self._decoder is None:
+            return data
+        try:
+            return self._decoder.decode(data, self._ended).encode()
+        except UnicodeError as exc:
+            raise FormatError(f"{place(self._path)}: begins like UTF-16 text, but is none") from exc
+
+    def _lines_before(self, end: int) -> int:
+        """Count the lines that end before a place in the file, in bytes."""
+        self._file.seek(0)
+        count = 0
+        while end > 0 and (data := _read_bytes(self._path, self._file, min(CHUNK, end))):
+            end -= len(data)
+            count += data.count(b"\n")
+        return count
 
 
 def read_binary(path: Path, limits: Limits) -> bytes:
@@ -122,22 +210,40 @@ def read_binary(path: Path, limits: Limits) -> bytes:
     FormatError
         As `read_text`; lines are no matter.
     """
-    return _read_whole(path, limits, lambda _, file, size: file.read(size + 1))
+    with _opened(path, limits) as (file, size):
+        return _read_bytes(path, file, size + 1)
 
 
-def _read_whole(path: Path, limits: Limits, read: Callable[[Path, BinaryIO, int], bytes]) -> bytes:
+@contextmanager
+def _opened(path: Path, limits: Limits) -> Iterator[tuple[BinaryIO, int]]:
+    """Open a plain file and give its size in bytes; it must stay as it is meanwhile."""
     try:
         before = _plain_file(path, os.stat(path), limits)
         # O_NONBLOCK: should a pipe have taken the file's place since, opening must not block
-        with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as file:
-            _plain_file(path, os.fstat(file.fileno()), limits)
-            data = read(path, file, before.st_size)
-            after = os.fstat(file.fileno())
+        file = open(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb")  # noqa: SIM115
     except (OSError, ValueError) as exc:  # ValueError: a NUL in the name
         raise FormatError(f"{place(path)}: {_reason(path, exc)}") from exc
+    with file:
+        _plain_file(path, os.fstat(file.fileno()), limits)
+        try:
+            yield file, before.st_size
+        except FormatError:
+            _check_unchanged(path, before, file)
+            raise
+        _check_unchanged(path, before, file)
+
+
+def _check_unchanged(path: Path, before: os.stat_result, file: BinaryIO) -> None:
+    after = os.fstat(file.fileno())
     if (before.st_size, before.st_mtime_ns) != (after.st_size, after.st_mtime_ns):
         raise FormatError(f"{place(path)}: changed while it was read; try again when it is whole")
-    return data
+
+
+def _read_bytes(path: Path, file: BinaryIO, size: int) -> bytes:
+    try:
+        return file.read(size)
+    except OSError as exc:
+        raise FormatError(f"{place(path)}: {_reason(path, exc)}") from exc
 
 
 def _plain_file(path: Path, status: os.stat_result, limits: Limits) -> os.stat_result:
@@ -152,35 +258,6 @@ def _plain_file(path: Path, status: os.stat_result, limits: Limits) -> os.stat_r
     return status
 
 
-def _read_lines(path: Path, file: BinaryIO, size: int) -> bytes:
-    """Read at most `size` bytes and give up in the middle of a line that is too long."""
-    chunks: list[bytes] = []
-    got = open_line = 0
-    while got <= size and (chunk := file.read(CHUNK)):
-        chunks.append(chunk)
-        got += len(chunk)
-        first = min((i for i in (chunk.find(b"\n"), chunk.find(b"\r")) if i >= 0), default=None)
-        if open_line + (len(chunk) if first is None else first) > LONGEST_LINE:
-            lines = sum(c.count(b"\n") for c in chunks[:-1]) + 1
-            raise FormatError(f"{place(path, lines)}: line longer than 16 MiB; not a motion file")
-        if first is None:
-            open_line += len(chunk)
-        else:
-            open_line = len(chunk) - 1 - max(chunk.rfind(b"\n"), chunk.rfind(b"\r"))
-    return b"".join(chunks)
-
-
-def _as_utf8(path: Path, data: bytes) -> bytes:
-    if data.startswith(b"\xef\xbb\xbf"):
-        return data[3:]
-    if not data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return data
-    try:
-        return data.decode("utf-16").encode("utf-8")
-    except UnicodeError as exc:
-        raise FormatError(f"{place(path)}: begins like UTF-16 text, but is none") from exc
-
-
 def _with_plain_line_ends(data: bytes) -> bytes:
     """Make every lone CR an LF; the CR of a CRLF is blank enough as it is."""
     if b"\r" not in data or not _has_lone_cr(data):
@@ -190,11 +267,8 @@ def _with_plain_line_ends(data: bytes) -> bytes:
 
 def _has_lone_cr(data: bytes) -> bool:
     text = np.frombuffer(data, dtype=np.uint8)
-    for at in range(0, len(text), CHUNK):
-        after = np.flatnonzero(text[at : at + CHUNK] == ord("\r")) + (at + 1)
-        if len(after) and (after[-1] == len(text) or (text[after] != ord("\n")).any()):
-            return True
-    return False
+    after = text[1:] == ord("\n")
+    return data.endswith(b"\r") or bool(((text[:-1] == ord("\r")) & ~after).any())
 
 
 def _reason(path: Path, exc: OSError | ValueError) -> str:

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from mocapidx.errors import FormatError
-from mocapidx.formats import amc
+from mocapidx.formats import amc, amc_frames
 from mocapidx.formats.amc import find_skeleton, read_amc
 from mocapidx.formats.text import Limits
 from tests.small_files import AMC, ASF
@@ -109,7 +109,7 @@ def test_bones_in_another_order_are_read_in_blocks_too(tmp_path, monkeypatch):
     assert whole.values[:, 0].tolist() == list(range(1, 200))
     monkeypatch.setattr(amc, "BLOCK", 100)
     np.testing.assert_array_equal(read(tmp_path, text).values, whole.values)
-    monkeypatch.setattr(amc, "LARGE", 50)
+    monkeypatch.setattr(amc_frames, "LARGE", 50)
     np.testing.assert_array_equal(read(tmp_path, text).values, whole.values)
 
 

@@ -128,14 +128,14 @@ def test_long_files_of_short_lines_are_read_whole(tmp_path, monkeypatch):
 
 def test_a_file_that_grows_meanwhile_is_refused(tmp_path, monkeypatch):
     path = written(tmp_path, b"x" * 10)
-    read = text._read_lines
+    read = text._read_bytes
 
     def grow(*args):
         with path.open("ab") as file:
             file.write(b"more")
         return read(*args)
 
-    monkeypatch.setattr(text, "_read_lines", grow)
+    monkeypatch.setattr(text, "_read_bytes", grow)
     assert "changed while it was read" in refused(path)
 
 
