@@ -95,8 +95,8 @@ def index(
 ) -> int:
     """Read motion files and folders into a store.
 
-    Folders are searched all the way down for AMC files, with their ASF skeletons, and BVH files;
-    hidden ones are left alone.
+    Folders are searched all the way down for AMC files, with their ASF skeletons, BVH, C3D and
+    TRC files; hidden ones are left alone.
     What is new or has changed since the last run is read, what is unchanged is left alone; a run
     that was cut off goes on where it stopped.
 
@@ -142,7 +142,7 @@ def warnings(summary: "IndexSummary", inputs: tuple[Path, ...], verbose: bool) -
     """Say what a person should look at after a run of `index`."""
     if not (summary.added or summary.changed or summary.unchanged or summary.refused):
         places = ", ".join(shown(path) for path in inputs)
-        yield f"no AMC or BVH file below {places}: is it the right folder?"
+        yield f"no motion file below {places}: is it the right folder?"
     if summary.assumed_rate:
         files = count(len(summary.assumed_rate), "AMC file")
         all_named = verbose or len(summary.assumed_rate) == 1

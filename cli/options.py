@@ -96,13 +96,13 @@ READING = (
         "--source-rate",
         type=NumberRange(min=0, min_open=True),
         metavar="HZ",
-        help="Rate of AMC files that don't say.  [default: from the name, else 120]",
+        help="Rate of files that don't say.  [default: from the name; AMC: else 120]",
     ),
     click.option(
         "--joint-map",
         type=click.Path(path_type=Path),
         metavar="FILE.toml",
-        help="Maps a rig's nodes to the 24 joints.  [default: chosen by the names]",
+        help="Maps nodes or markers to the 24 joints.  [default: chosen by the names]",
     ),
     click.option(
         "--unit",
@@ -124,6 +124,19 @@ READING = (
         "--first-frame",
         type=click.Choice(["motion", "pose"]),
         help="Whether frame 0 is motion, or a T-pose to be dropped.  [default: detected]",
+    ),
+    click.option(
+        "--subject",
+        metavar="NAME",
+        help="Whose points count where a file has several subjects.  [default: the only one]",
+    ),
+    click.option(
+        "--fill-gaps",
+        type=NumberRange(0, 3600),
+        default=0.2,
+        show_default=True,
+        metavar="SECONDS",
+        help="Fill gaps of points up to this long; longer ones stay unknown.",
     ),
     click.option(
         "--max-file",

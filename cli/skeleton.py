@@ -13,7 +13,9 @@ __all__ = ["skeleton"]
 
 @click.command()
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option("--nodes", is_flag=True, help="Show the file's own nodes instead of the 24 joints.")
+@click.option(
+    "--nodes", is_flag=True, help="Show the file's own nodes or points instead of the 24 joints."
+)
 @reading_options
 @row_options
 def skeleton(file: Path, nodes: bool, row_format: str, output: Path, **reading: Any) -> None:
@@ -27,8 +29,8 @@ def skeleton(file: Path, nodes: bool, row_format: str, output: Path, **reading: 
       mocapidx skeleton walk.bvh
       mocapidx skeleton walk.bvh --unit 0.01 --up z
     """
-    from mocapidx.tasks.read import skeleton_report
     from mocapidx.tasks.skeleton_records import guesses, joint_records, node_records
+    from mocapidx.tasks.skeleton_report import skeleton_report
 
     report = skeleton_report(file, read_options(reading))
     records = node_records(report) if nodes else joint_records(report)

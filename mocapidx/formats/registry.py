@@ -9,15 +9,19 @@ import numpy as np
 from mocapidx.errors import FormatError
 from mocapidx.formats.amc import find_skeleton, read_amc
 from mocapidx.formats.bvh import read_bvh
+from mocapidx.formats.c3d import read_c3d
 from mocapidx.formats.text import Limits, place
-from mocapidx.model import Recording
+from mocapidx.formats.trc import read_trc
+from mocapidx.model import PointRecording, Recording
 from mocapidx.printable import shown
 
 __all__ = ["SUFFIXES", "is_motion_file", "read_recording", "sources_of"]
 
-READERS: Final[dict[str, Callable[[Path, Path | None, Limits], Recording]]] = {
+READERS: Final[dict[str, Callable[[Path, Path | None, Limits], Recording | PointRecording]]] = {
     ".amc": read_amc,
     ".bvh": lambda path, _, limits: read_bvh(path, limits),
+    ".c3d": lambda path, _, limits: read_c3d(path, limits),
+    ".trc": lambda path, _, limits: read_trc(path, limits),
 }
 FARTHEST: Final = 1e9  # file units
 TOO_FAR: Final = "is more than 1e9 units away; is the file damaged?"
@@ -67,13 +71,13 @@ def sources_of(path: Path, skeleton_path: Path | None = None) -> tuple[Path, ...
 
 def read_recording(
     path: Path, *, skeleton_path: Path | None = None, limits: Limits | None = None
-) -> Recording:
+) -> Recording | PointRecording:
     """Read a motion file as it stands.
 
     Parameters
     ----------
     path : Path
-        An AMC or a BVH file.
+        The motion file.
     skeleton_path : Path, optional
         The ASF of an AMC; by default the one beside it.
     limits : Limits, optional
@@ -81,8 +85,8 @@ def read_recording(
 
     Returns
     -------
-    Recording
-        The skeleton and its channels, in the units of the file.
+    Recording or PointRecording
+        The skeleton and its channels, or points, in the units of the file.
 
     Raises
     ------
@@ -93,11 +97,23 @@ def read_recording(
     if reader is None:
         raise FormatError(
             f"{place(path)}: no motion file by its name; mocapidx reads "
-            f"{' and '.join(sorted(SUFFIXES))}"
+            f"{', '.join(sorted(SUFFIXES))}"
         )
     recording = reader(path, skeleton_path, limits or Limits())
-    _check_lengths(path, recording)
+    if isinstance(recording, PointRecording):
+        _check_points(path, recording)
+    else:
+        _check_lengths(path, recording)
     return recording
+
+
+def _check_points(path: Path, recording: PointRecording) -> None:
+    """Refuse points that no body has, before they overflow in sums and squares."""
+    far = np.argwhere(np.abs(recording.positions) > FARTHEST)
+    if len(far):
+        frame, point, _ = far[0].tolist()
+        name = shown(recording.names[point])
+        raise FormatError(f"{place(path)}: frame {frame}: point '{name}' {TOO_FAR}")
 
 
 def _check_lengths(path: Path, recording: Recording) -> None:

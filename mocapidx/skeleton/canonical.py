@@ -13,7 +13,7 @@ from mocapidx.skeleton.jointmap import Between, Mapping24
 from mocapidx.skeleton.joints import CANONICAL_JOINTS, INDEX
 from mocapidx.skeleton.kinematics import RootPositions, node_positions, zero_pose
 
-__all__ = ["canonical_positions", "canonical_rest", "made_joints"]
+__all__ = ["canonical_positions", "canonical_rest", "completed_positions", "made_joints"]
 
 # Segment lengths as parts of the body's height: Winter, Biomechanics and Motor Control of Human
 # Movement, 4th ed., 2009, figure 4.1 (after Drillis and Contini 1966).
@@ -79,7 +79,7 @@ def canonical_positions(
     ndarray of float64, shape (T, 24, 3)
         In file units; NaN for joints that the rig lacks and that can't be made.
     """
-    return _completed(node_positions(recording, mapping.nodes, positions, frames), mapping)
+    return completed_positions(node_positions(recording, mapping.nodes, positions, frames), mapping)
 
 
 def canonical_rest(recording: Recording, mapping: Mapping24) -> FloatArray:
@@ -100,12 +100,25 @@ def canonical_rest(recording: Recording, mapping: Mapping24) -> FloatArray:
     points = zero_pose(recording.skeleton)
     there = np.array(mapping.nodes)
     pose = np.where(there[:, None] >= 0, points[there], np.nan)
-    completed: FloatArray = _completed(pose[None], mapping)[0]
+    completed: FloatArray = completed_positions(pose[None], mapping)[0]
     return completed
 
 
-def _completed(positions: FloatArray, mapping: Mapping24) -> FloatArray:
-    """Make up joints in place."""
+def completed_positions(positions: FloatArray, mapping: Mapping24) -> FloatArray:
+    """Make up, in place, the joints that a rig lacks and that can be made.
+
+    Parameters
+    ----------
+    positions : ndarray of float, shape (T, 24, 3)
+        The canonical joints that the rig has; in any unit.
+    mapping : Mapping24
+        Which node is which joint.
+
+    Returns
+    -------
+    ndarray of float, shape (T, 24, 3)
+        The same array.
+    """
     for joint, rule in made_joints(mapping).items():
         if rule is None:
             positions[:, INDEX[joint]] = _top_of_head(positions)
@@ -120,7 +133,8 @@ def _top_of_head(positions: FloatArray) -> FloatArray:
         positions[:, INDEX[j]] for j in ("lhip", "lknee", "lankle", "neck", "head")
     )
     leg = np.linalg.norm(hip - knee, axis=1) + np.linalg.norm(knee - ankle, axis=1)
-    height = np.median(leg) / THIGH_AND_SHANK if len(leg) else 0.0
+    known = leg[np.isfinite(leg)]
+    height = np.median(known) / THIGH_AND_SHANK if len(known) else np.nan
     upwards = head - neck
     length = np.linalg.norm(upwards, axis=1, keepdims=True)
     with np.errstate(invalid="ignore", divide="ignore"):

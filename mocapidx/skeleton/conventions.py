@@ -13,21 +13,27 @@ import numpy as np
 
 from mocapidx.errors import ParameterError
 from mocapidx.model import FloatArray, IndexArray, Recording
+from mocapidx.skeleton.bodychecks import (
+    LONGEST_LEG,
+    SHORTEST_LEG,
+    coincident_joints,
+    facing,
+    leg_length,
+    nearest_unit,
+    unit_vectors,
+    up_axis,
+)
 from mocapidx.skeleton.canonical import canonical_positions, made_joints
 from mocapidx.skeleton.jointmap import Mapping24
 from mocapidx.skeleton.joints import CANONICAL_JOINTS, INDEX
 from mocapidx.skeleton.kinematics import RootPositions
 from mocapidx.skeleton.rotations import Up, upright
-from mocapidx.units import LENGTHS
 
 __all__ = ["Conventions", "Overrides", "detect_conventions"]
 
 FirstFrame = Literal["motion", "dropped T-pose"]
 
 SAMPLES: Final = 64  # frames looked at, spread over the take
-SHORTEST_LEG, LONGEST_LEG = 0.70, 1.00  # hip to knee to ankle of adults, metres
-STEEP: Final = 0.95  # cosine between a standing shank and the vertical
-ON_ONE_POINT: Final = 1e-4  # metres
 SMALL_TURN: Final = np.deg2rad(10.0)  # no T-pose is as near to the motion as that
 JUMP: Final = 0.05  # metres that a joint moves on average between a T-pose and the motion
 JUMP_RATIO: Final = 5.0  # and how many times the largest step that follows
@@ -77,8 +83,8 @@ class Conventions:
         Metres in one file unit.
     up : {"x", "y", "z", "-x", "-y", "-z"}
         The axis of the file that points up.
-    root_positions : {"add", "replace"}
-        Whether position channels add to a joint's OFFSET or replace it.
+    root_positions : {"add", "replace"} or None
+        Whether position channels add to a joint's OFFSET or replace it; None: there are none.
     first_frame : {"motion", "dropped T-pose"}
         What frame 0 of the file is.
     made : tuple of str
@@ -96,7 +102,7 @@ class Conventions:
     joint_map: str
     unit: float
     up: Up
-    root_positions: RootPositions
+    root_positions: RootPositions | None
     first_frame: FirstFrame
     made: tuple[str, ...]
     missing: tuple[str, ...]
@@ -147,11 +153,11 @@ def detect_conventions(
     positions, positions_evidence = _choose_positions(recording, looks, said)
     look = looks[positions]
     poses = (look.poses * look.unit) @ upright(look.up).T
-    facing = _facing(poses)
+    cosine = facing(poses)
     warnings = []
     if not SHORTEST_LEG <= look.leg <= LONGEST_LEG:
         warnings.append(f"legs of {look.leg:.2f} m are no adult's: is the unit right?")
-    if facing < 0:
+    if cosine < 0:
         warnings.append("the toes point backwards: sides exchanged, or a mirrored axis system?")
     made = made_joints(mapping)
     return Conventions(
@@ -166,13 +172,13 @@ def detect_conventions(
             for j, n in zip(CANONICAL_JOINTS, mapping.nodes, strict=True)
             if n < 0 and j not in made
         ),
-        coincident=_coincident(poses),
+        coincident=coincident_joints(poses),
         evidence=(
             _unit_evidence(recording, look, said),
             _up_evidence(recording, look, said),
             positions_evidence,
             first_evidence,
-            f"facing: cosine of toes and front {facing:.2f} (0.95 when map and sides are right)",
+            f"facing: cosine of toes and front {cosine:.2f} (0.95 when map and sides are right)",
         ),
         warnings=tuple(warnings),
     )
@@ -210,9 +216,9 @@ def _look(
     said: Overrides,
 ) -> _Look:
     poses = canonical_positions(recording, mapping, positions, frames)
-    leg = _leg(poses)
-    unit = said.unit or recording.unit or _nearest_unit(leg)
-    up = said.up or ("y" if _is_acclaim(recording) else _up(poses))
+    leg = leg_length(poses)
+    unit = said.unit or recording.unit or nearest_unit(leg)
+    up = said.up or recording.up or ("y" if _is_acclaim(recording) else up_axis(poses))
     heights = (poses * unit) @ upright(up)[1]
     ankles = heights[:, [INDEX["lankle"], INDEX["rankle"]]]
     feet = heights[:, [INDEX[j] for j in ("lankle", "rankle", "ltoes", "rtoes")]]
@@ -250,38 +256,6 @@ def _choose_positions(
     return best, f"root positions: {best} ({reason})"
 
 
-def _nearest_unit(leg: float) -> float:
-    """Return the unit that makes a leg most like an adult's.
-
-    Where none does, shorter ones may be a child's; longer ones are nobody's.
-    """
-    if not leg > 0:
-        return 1.0
-
-    def oddness(unit: float) -> float:
-        shorter, longer = SHORTEST_LEG / (leg * unit), leg * unit / LONGEST_LEG
-        return max(0.0, float(np.log(shorter)), 3 * float(np.log(longer)))
-
-    return min(LENGTHS.values(), key=oddness)
-
-
-def _up(poses: FloatArray) -> Up:
-    """Return the axis along which the head is farthest from the ankles.
-
-    A person who lies or tumbles most of the take must not turn the world over: Y stays up where
-    the head is about as high above the ankles along Y in a tenth of the take as along any axis.
-    """
-    ankles = poses[:, [INDEX["lankle"], INDEX["rankle"]]].mean(axis=1)
-    heads = poses[:, INDEX["head"]] - ankles
-    reach = np.percentile(np.concatenate((heads, -heads), axis=1), 90, axis=0)
-    if reach[1] >= 0.8 * reach.max():
-        return "y"
-    middle = np.median(heads, axis=0)
-    axis = int(np.argmax(np.median(np.abs(heads), axis=0)))
-    names: tuple[tuple[Up, Up], ...] = (("x", "-x"), ("y", "-y"), ("z", "-z"))
-    return names[axis][int(middle[axis] < 0)]
-
-
 def _first_frame(recording: Recording, mapping: Mapping24, said: Overrides) -> tuple[bool, str]:
     """Tell whether frame 0 is a pose to drop, and why."""
     if said.keep_first_frame is not None or len(recording.values) < 2:
@@ -294,7 +268,7 @@ def _first_frame(recording: Recording, mapping: Mapping24, said: Overrides) -> t
     if np.max(step, initial=0.0) < SMALL_TURN:
         return False, "first frame: motion (nothing turns by more than 10 degrees to frame 1)"
     poses = canonical_positions(recording, mapping, "add", slice(0, SAMPLES))
-    unit = said.unit or recording.unit or _nearest_unit(_leg(poses))
+    unit = said.unit or recording.unit or nearest_unit(leg_length(poses))
     poses = (poses - poses[:, :1]) * unit
     steps = np.nanmean(np.linalg.norm(np.diff(poses, axis=0), axis=2), axis=1)
     later = float(np.max(steps[1:], initial=0.0))
@@ -309,44 +283,9 @@ def _is_t_pose(pose: FloatArray) -> bool:
 
     def arm(side: str) -> FloatArray:
         vector = pose[INDEX[f"{side}wrist"]] - pose[INDEX[f"{side}shoulder"]]
-        return _unit_vectors(vector)
+        return unit_vectors(vector)
 
     return bool(arm("l") @ arm("r") < -0.9)
-
-
-def _facing(poses: FloatArray) -> float:
-    """Return the median cosine between where the hips face and where the toes point.
-
-    The poses are upright; NaN where there are no toes. Only feet under a steep shank count:
-    those of a runner's back leg point anywhere.
-    """
-    across = poses[:, INDEX["lhip"]] - poses[:, INDEX["rhip"]]
-    front = _unit_vectors(np.cross(across, (0.0, 1.0, 0.0))[:, [0, 2]])
-    cosines, steepness = [], []
-    for side in "lr":
-        knee, ankle, toes = (poses[:, INDEX[f"{side}{j}"]] for j in ("knee", "ankle", "toes"))
-        foot = _unit_vectors((toes - ankle)[:, [0, 2]])
-        cosines.append(np.sum(front * foot, axis=1))
-        steepness.append(_unit_vectors(knee - ankle)[:, 1])
-    steep = np.concatenate(steepness)
-    standing = steep >= min(STEEP, np.percentile(steep, 75))
-    return float(np.median(np.concatenate(cosines)[standing]))
-
-
-def _coincident(poses: FloatArray) -> tuple[tuple[str, str], ...]:
-    """Return the pairs of joints that are never apart; the poses are in metres."""
-    first = poses[0]
-    near = np.abs(first[:, None] - first).max(axis=2) < ON_ONE_POINT  # NaN is near nothing
-    return tuple(
-        (CANONICAL_JOINTS[a], CANONICAL_JOINTS[b])
-        for a, b in np.argwhere(np.triu(near, k=1))
-        if np.abs(poses[:, a] - poses[:, b]).max() < ON_ONE_POINT
-    )
-
-
-def _unit_vectors(vectors: FloatArray) -> FloatArray:
-    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return vectors / np.where(lengths > 0, lengths, 1.0)
 
 
 def _is_acclaim(recording: Recording) -> bool:
@@ -371,15 +310,6 @@ def _up_evidence(recording: Recording, look: _Look, said: Overrides) -> str:
     reason = "guessed"
     if said.up is not None:
         reason = "as told"
-    elif _is_acclaim(recording):
+    elif recording.up is not None or _is_acclaim(recording):
         reason = "as the format says"
     return f"up: {look.up}, the head is {look.head:.2f} m above the ankles ({reason})"
-
-
-def _leg(poses: FloatArray) -> float:
-    """Return the length of the legs, hip to knee to ankle, in file units."""
-    lengths = [
-        np.linalg.norm(poses[:, INDEX[a]] - poses[:, INDEX[b]], axis=1)
-        for a, b in (("lhip", "lknee"), ("lknee", "lankle"), ("rhip", "rknee"), ("rknee", "rankle"))
-    ]
-    return float(np.median(np.sum(lengths, axis=0))) / 2

@@ -3,11 +3,12 @@
 import math
 from collections.abc import Iterator
 
-from mocapidx.printable import shown
-from mocapidx.tasks.read import SkeletonReport
+from mocapidx.printable import count, shown
+from mocapidx.skeleton.gaps import GapCounts
 from mocapidx.tasks.records import Record
+from mocapidx.tasks.skeleton_report import SkeletonReport
 
-__all__ = ["guesses", "joint_records", "node_records"]
+__all__ = ["gap_sentence", "guesses", "joint_records", "node_records"]
 
 
 def guesses(report: SkeletonReport) -> Iterator[str]:
@@ -32,11 +33,32 @@ def guesses(report: SkeletonReport) -> Iterator[str]:
         f"({reading.rate_origin}), {seconds:.2f} s"
     )
     yield from conventions.evidence
+    if report.points:
+        yield gap_sentence(reading.gaps)
     yield f"made joints: {', '.join(conventions.made) or 'none'}"
     yield f"missing joints: {', '.join(conventions.missing) or 'none'}"
     pairs = ", ".join(f"{one} = {other}" for one, other in conventions.coincident)
     yield f"coincident joints: {pairs or 'none'}"
     yield from (f"warning: {warning}" for warning in conventions.warnings)
+
+
+def gap_sentence(gaps: GapCounts) -> str:
+    """Say how much of a file's points was not seen, and what became of that.
+
+    Parameters
+    ----------
+    gaps : GapCounts
+
+    Returns
+    -------
+    str
+    """
+    if not gaps.filled + gaps.left:
+        return "gaps: none"
+    return (
+        f"gaps: {gaps.filled} filled ({count(gaps.filled_frames, 'frame')}), {gaps.left} left open "
+        f"({count(gaps.left_frames, 'frame')}), the longest of {gaps.longest:.2f} s"
+    )
 
 
 def joint_records(report: SkeletonReport) -> list[Record]:
@@ -65,8 +87,19 @@ def node_records(report: SkeletonReport) -> list[Record]:
     Returns
     -------
     list of mapping
-        Node, parent, offset in file units, channels, and the canonical joints it stands for.
+        Node, parent, offset in file units, channels, and the canonical joints it stands for; of
+        points their name, gaps, the part of frames that show them and the joints they tell.
     """
+    if report.points:
+        return [
+            {
+                "point": row.name,
+                "gaps": row.gaps,
+                "seen": round(row.seen, 4),
+                "joints": " ".join(row.joints),
+            }
+            for row in report.points
+        ]
     return [
         {
             "node": row.name,

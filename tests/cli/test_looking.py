@@ -63,7 +63,7 @@ def test_a_folder_without_motion_is_said_to_be_one(mocapidx, tmp_path):
     done = mocapidx("index", "empty", "--store", "s.store", cwd=tmp_path)
     assert done.returncode == 0
     assert done.stderr.splitlines()[0] == (
-        "Warning: no AMC or BVH file below empty: is it the right folder?"
+        "Warning: no motion file below empty: is it the right folder?"
     )
 
 

@@ -6,7 +6,8 @@ import pytest
 
 from mocapidx.errors import FormatError, ParameterError
 from mocapidx.skeleton.joints import CANONICAL_JOINTS, INDEX
-from mocapidx.tasks.read import Limits, ReadOptions, read_motion, read_take, skeleton_report
+from mocapidx.tasks.read import Limits, ReadOptions, read_motion, read_take
+from mocapidx.tasks.skeleton_report import skeleton_report
 from tests.small_files import PERSON, bvh_text, person_rows
 
 ROOT = Path(__file__).parent.parent.parent
