@@ -1,19 +1,9 @@
-"""Template files: matrices and what is said of them, in one HDF5 file with a sealed end.
+"""Template files: matrices and what is said of them, as a sealed file.
 
-Behind the HDF5 image, where HDF5 itself does not look, stand a table of the datasets, a digest
-of all before it and a magic number. Our reader starts there: it checks the digest first, takes
-the datasets straight from their places, and never lets HDF5 see a byte. The layout is::
-
-    HDF5 image | table (JSON) | size of the table, 8 bytes | BLAKE2b, 32 bytes | magic, 16 bytes
-
-The image holds ``meta`` (bytes of a JSON object) and ``matrices/0000``, ``matrices/0001``, ...
+It holds ``meta`` (bytes of a JSON object) and ``matrices/0000``, ``matrices/0001``, ...
 (float64). What the object says of them is `mocapidx.templates.file`'s.
 """
 
-import io
-import json
-import os
-import struct
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -21,28 +11,20 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mocapidx.durable import durable_replace
-from mocapidx.errors import ParameterError, StoreError
 from mocapidx.model import FloatArray
-from mocapidx.printable import shown
-from mocapidx.store.files import open_regular, read_exactly, reason
-from mocapidx.store.manifest import file_digest
+from mocapidx.store.sealed import SealedKind, read_sealed, write_sealed
 
-__all__ = ["read_templates", "write_templates"]
+__all__ = ["TEMPLATES", "read_templates", "write_templates"]
 
-FORMAT: Final = "mocapidx-templates"
-FORMAT_VERSION: Final = 1
-READABLE_VERSIONS: Final = frozenset({1})
-SIZE_LIMIT: Final = 256 << 20  # bytes
-MOST_MATRICES: Final = 10_000
-MAGIC: Final = b"mocapidx-mt-seal"
-SEAL: Final = struct.Struct("<Q32s16s")
-HDF5_MAGIC: Final = b"\x89HDF\r\n\x1a\n"
-DTYPES: Final = {"meta": "|u1", "matrices": "<f8"}
-
-
-class Wrong(Exception):
-    """What is wrong with a file; becomes a StoreError that names it."""
+TEMPLATES: Final = SealedKind(
+    format="mocapidx-templates",
+    version=1,
+    magic=b"mocapidx-mt-seal",
+    called="template file",
+    content="templates",
+    made_with="mocapidx learn-mt",
+    groups={"matrices": ("<f8", 2)},
+)
 
 
 def write_templates(path: Path, meta: Mapping[str, Any], matrices: Sequence[FloatArray]) -> None:
@@ -63,59 +45,7 @@ def write_templates(path: Path, meta: Mapping[str, Any], matrices: Sequence[Floa
     WriteError
         If the file could not be written.
     """
-    text = json.dumps(meta, separators=(",", ":"), allow_nan=False).encode("ascii")
-    datasets: dict[str, NDArray[Any]] = {"meta": np.frombuffer(text, dtype="|u1")}
-    for number, matrix in enumerate(matrices):
-        datasets[f"matrices/{number:04d}"] = np.ascontiguousarray(matrix, dtype="<f8")
-    total = sum(data.nbytes for data in datasets.values())
-    if len(matrices) > MOST_MATRICES or total > SIZE_LIMIT // 2:
-        raise ParameterError(
-            f"{shown(path)}: {len(matrices)} templates of {total} bytes are too many for one "
-            f"file, at most {MOST_MATRICES} and {SIZE_LIMIT // 2} bytes; use several files"
-        )
-    image, places = _image(datasets)
-    table = {
-        "format": FORMAT,
-        "version": FORMAT_VERSION,
-        "datasets": {
-            name: {"dtype": data.dtype.str, "shape": list(data.shape), "offset": places[name]}
-            for name, data in datasets.items()
-        },
-    }
-    body = image + json.dumps(table, separators=(",", ":")).encode("ascii")
-    size = struct.pack("<Q", len(body) - len(image))
-    digest = file_digest(body + size).digest()
-    durable_replace(path, body + size + digest + MAGIC)
-
-
-def _image(datasets: Mapping[str, NDArray[Any]]) -> tuple[bytes, dict[str, int]]:
-    """Build the HDF5 file in memory: contiguous datasets, no attributes, no times."""
-    # Reading needs no HDF5, and a command that only reads should not wait for it.
-    from mocapidx.store.hdf5 import h5d, h5f, h5fd, h5g, h5p, h5s, h5t
-
-    sheet = io.BytesIO()
-    creation = h5p.create(h5p.FILE_CREATE)
-    creation.set_obj_track_times(False)
-    access = h5p.create(h5p.FILE_ACCESS)
-    access.set_libver_bounds(h5f.LIBVER_V18, h5f.LIBVER_V18)
-    access.set_fclose_degree(h5f.CLOSE_STRONG)  # closing writes all, whatever is still open
-    access.set_fileobj_driver(h5fd.fileobj_driver, sheet)
-    file = h5f.create(b"image", h5f.ACC_TRUNC, creation, access)
-    group = h5p.create(h5p.GROUP_CREATE)
-    group.set_obj_track_times(False)
-    h5g.create(file, b"matrices", gcpl=group)
-    plain = h5p.create(h5p.DATASET_CREATE)
-    plain.set_layout(h5d.CONTIGUOUS)
-    plain.set_obj_track_times(False)
-    plain.set_alloc_time(h5d.ALLOC_TIME_EARLY)
-    places = {}
-    for name, data in datasets.items():
-        space = h5s.create_simple(data.shape)
-        dataset = h5d.create(file, name.encode(), h5t.py_create(data.dtype), space, dcpl=plain)
-        dataset.write(h5s.ALL, h5s.ALL, data)
-        places[name] = dataset.get_offset()
-    file.close()
-    return sheet.getvalue(), places
+    write_sealed(path, TEMPLATES, meta, {"matrices": matrices})
 
 
 def read_templates(path: Path) -> tuple[dict[str, Any], list[NDArray[np.float64]]]:
@@ -137,88 +67,5 @@ def read_templates(path: Path) -> tuple[dict[str, Any], list[NDArray[np.float64]
     StoreError
         If there is no such file, or it is damaged, of another format or of a newer version.
     """
-    data = _read_file(path)
-    try:
-        return _contents(data)
-    except (Wrong, ValueError, RecursionError) as exc:
-        what = exc if isinstance(exc, Wrong) else "its table is not JSON"
-        raise StoreError(
-            f"{shown(path)}: damaged ({what}); restore it, or make it again with "
-            "'mocapidx learn-mt'"
-        ) from exc
-
-
-def _read_file(path: Path) -> bytes:
-    try:
-        descriptor = open_regular(Path(os.path.realpath(path)))
-        try:
-            size = os.fstat(descriptor).st_size
-            if size > SIZE_LIMIT:
-                raise StoreError(
-                    f"{shown(path)}: has {size} bytes, a template file at most {SIZE_LIMIT}"
-                )
-            data = read_exactly(descriptor, 0, size)
-        finally:
-            os.close(descriptor)
-    except FileNotFoundError as exc:
-        raise StoreError(
-            f"{shown(path)}: no template file here; make one with 'mocapidx learn-mt'"
-        ) from exc
-    except (OSError, EOFError) as exc:
-        raise StoreError(f"{shown(path)}: can't be read ({reason(exc)})") from exc
-    if len(data) < SEAL.size or not data.endswith(MAGIC):
-        what = "it is cut off or not closed by its seal" if data.startswith(HDF5_MAGIC) else ""
-        raise StoreError(
-            f"{shown(path)}: not a template file of mocapidx"
-            + (f" ({what})" if what else "")
-            + "; make one with 'mocapidx learn-mt'"
-        )
-    return data
-
-
-def _contents(data: bytes) -> tuple[dict[str, Any], list[NDArray[np.float64]]]:
-    table_size, digest, _ = SEAL.unpack_from(data, len(data) - SEAL.size)
-    if file_digest(memoryview(data)[: -SEAL.size + 8]).digest() != digest:
-        raise Wrong("its digest does not match")
-    image_size = len(data) - SEAL.size - table_size
-    if image_size < 0:
-        raise Wrong("its table does not lie within it")
-    table = json.loads(data[image_size : image_size + table_size], parse_constant=_refuse)
-    if type(table) is not dict or table.get("format") != FORMAT:
-        raise Wrong("its table is none of a template file")
-    if table.get("version") not in READABLE_VERSIONS:
-        raise Wrong(
-            f"its format version is {shown(table.get('version'))}, this mocapidx reads "
-            f"{max(READABLE_VERSIONS)}; upgrade if it is newer"
-        )
-    datasets = table.get("datasets")
-    if type(datasets) is not dict or not 1 <= len(datasets) <= MOST_MATRICES + 1:
-        raise Wrong("its table lists no datasets, or too many")
-    image = data[:image_size]
-    text = _dataset(image, datasets, "meta", 1).tobytes()
-    meta = json.loads(text, parse_constant=_refuse)
-    if type(meta) is not dict:
-        raise Wrong("its meta is no JSON object")
-    names = [f"matrices/{number:04d}" for number in range(len(datasets) - 1)]
-    return meta, [_dataset(image, datasets, name, 2) for name in names]
-
-
-def _dataset(image: bytes, datasets: dict[str, Any], name: str, axes: int) -> NDArray[Any]:
-    """Take a dataset from its place, after checking that it lies within the image."""
-    entry = datasets.get(name)
-    if type(entry) is not dict or entry.get("dtype") != DTYPES[name.partition("/")[0]]:
-        raise Wrong(f"dataset {name} is missing or of a wrong type")
-    shape, offset = entry.get("shape"), entry.get("offset")
-    if type(shape) is not list or len(shape) != axes or type(offset) is not int:
-        raise Wrong(f"dataset {name} has a wrong shape")
-    if any(type(length) is not int or not 1 <= length <= SIZE_LIMIT for length in shape):
-        raise Wrong(f"dataset {name} has a wrong shape")
-    dtype = np.dtype(entry["dtype"])
-    count = int(np.prod(shape, dtype=object))
-    if not 0 <= offset <= len(image) - count * dtype.itemsize:
-        raise Wrong(f"dataset {name} does not lie within the file")
-    return np.frombuffer(image, dtype, count, offset).reshape(shape)
-
-
-def _refuse(constant: str) -> None:
-    raise Wrong(f"{constant} is no number")
+    meta, arrays = read_sealed(path, TEMPLATES)
+    return meta, arrays["matrices"]

@@ -9,9 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mocapidx.errors import ParameterError, StoreError, WriteError
-from mocapidx.store import templates
+from mocapidx.store import sealed as sealed_files
 from mocapidx.store.manifest import file_digest
-from mocapidx.store.templates import MAGIC, SEAL, read_templates, write_templates
+from mocapidx.store.sealed import SEAL
+from mocapidx.store.templates import TEMPLATES, read_templates, write_templates
 
 META = {"what": "two matrices", "odd name": "\udc80\x1b"}
 
@@ -32,7 +33,7 @@ def sealed(image, table):
     """A file with a right digest, whatever it says."""
     text = table if isinstance(table, bytes) else json.dumps(table).encode()
     body = image + text + struct.pack("<Q", len(text))
-    return body + file_digest(body).digest() + MAGIC
+    return body + file_digest(body).digest() + TEMPLATES.magic
 
 
 def parts(data):
@@ -131,7 +132,7 @@ def test_a_table_of_another_kind_is_refused(path, table, complaint):
 
 def test_a_table_larger_than_the_file_is_refused(path):
     body = b"{}" + struct.pack("<Q", 1 << 62)
-    path.write_bytes(body + file_digest(body).digest() + MAGIC)
+    path.write_bytes(body + file_digest(body).digest() + TEMPLATES.magic)
     with pytest.raises(StoreError, match="does not lie within"):
         read_templates(path)
 
@@ -150,14 +151,14 @@ def test_a_link_to_a_template_file_is_followed(path, tmp_path):
 
 
 def test_a_file_larger_than_the_limit_is_not_read(path, monkeypatch):
-    monkeypatch.setattr(templates, "SIZE_LIMIT", 1000)
+    monkeypatch.setattr(sealed_files, "SIZE_LIMIT", 1000)
     with pytest.raises(StoreError, match="at most 1000"):
         read_templates(path)
 
 
 def test_too_much_for_one_file_is_refused_before_it_is_written(path, matrices, monkeypatch):
     before = path.read_bytes()
-    monkeypatch.setattr(templates, "MOST_MATRICES", 1)
+    monkeypatch.setattr(sealed_files, "MOST_DATASETS", 1)
     with pytest.raises(ParameterError, match="too many for one file"):
         write_templates(path, META, matrices)
     assert path.read_bytes() == before
