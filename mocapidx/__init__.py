@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from mocapidx.tasks.annotate import annotate_motion
     from mocapidx.tasks.index import compact_store, index_files
     from mocapidx.tasks.info import document_info, store_info
-    from mocapidx.tasks.learn import learn_classes
+    from mocapidx.tasks.learn import find_labels, learn_classes
     from mocapidx.tasks.learn_thresholds import learn_feature
     from mocapidx.tasks.query import query_store
     from mocapidx.tasks.read import read_motion
@@ -39,6 +39,7 @@ __all__ = [
     "compact_store",
     "document_info",
     "extract_features",
+    "find_labels",
     "index_files",
     "learn_classes",
     "learn_feature",
@@ -65,6 +66,7 @@ _HOMES = {
     "compact_store": "tasks.index:compact_store",
     "document_info": "tasks.info:document_info",
     "extract_features": "features.extract:extract_features",
+    "find_labels": "tasks.learn:find_labels",
     "index_files": "tasks.index:index_files",
     "learn_classes": "tasks.learn:learn_classes",
     "learn_feature": "tasks.learn_thresholds:learn_feature",
