@@ -27,6 +27,8 @@ COMMANDS = {
     "template": ("template:template", "Look at motion templates and change them by hand."),
     "evaluate": ("evaluate:evaluate", "Measure hits or annotations against labels."),
     "plot": ("plot:plot", "Draw features, lists, templates, distances, annotations."),
+    "report": ("report:report", "Write a page on which hits and annotations move."),
+    "export": ("export:export", "Cut hits out of their motion files, a clip each."),
     "info": ("info:info", "Show what a store holds, or what is known of one document."),
     "verify": ("verify:verify", "Check every byte of a store; repair what can be rebuilt."),
     "compact": ("compact:compact", "Merge the segment files of a store."),

@@ -17,6 +17,8 @@ __all__ = ["Found", "read_found"]
 
 SIZE_LIMIT: Final = 256 << 20  # bytes
 NEEDED: Final = ("document", "start_time", "end_time", "label")
+SOURCE_FRAMES: Final = ("source_start_frame", "source_end_frame")
+MOST_FRAMES: Final = 1 << 40
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +36,10 @@ class Found:
         Smaller is better; 0 where the record has none.
     ranked : bool
         Whether it is a hit: annotations have no rank.
+    rank : int or None
+        From 1, where the record has one.
+    source_frames : tuple of int or None
+        First frame and end of the stretch in the original file, where the record has them.
     """
 
     document: str
@@ -42,6 +48,8 @@ class Found:
     end: float
     cost: float
     ranked: bool
+    rank: int | None = None
+    source_frames: tuple[int, int] | None = None
 
 
 def read_found(path: Path) -> tuple[Found, ...]:
@@ -138,7 +146,22 @@ def _found(row: Mapping[str, Any], place: str) -> Found:
     if not 0 <= start < end:
         raise FormatError(f"{place}: goes from {start:g} s to {end:g} s")
     cost = _number(row.get("cost", 0.0), "cost", place)
-    return Found(row["document"], row["label"], start, end, cost, "rank" in row)
+    ranked = "rank" in row
+    rank, first, stop = (_count(row, name, place) for name in ("rank", *SOURCE_FRAMES))
+    if first is None or stop is None:
+        return Found(row["document"], row["label"], start, end, cost, ranked, rank)
+    if first >= stop:
+        raise FormatError(f"{place}: goes from frame {first} to {stop} of the source")
+    return Found(row["document"], row["label"], start, end, cost, ranked, rank, (first, stop))
+
+
+def _count(row: Mapping[str, Any], name: str, place: str) -> int | None:
+    if row.get(name) in (None, ""):
+        return None
+    number = _number(row[name], name, place)
+    if not (number.is_integer() and 0 <= number <= MOST_FRAMES):
+        raise FormatError(f"{place}: '{name}' is no number of frames or ranks: {number:g}")
+    return int(number)
 
 
 def _number(value: Any, name: str, place: str) -> float:

@@ -26,7 +26,7 @@ from mocapidx.tasks.segment_sources import UNTRUSTED
 from mocapidx.tasks.sources import Source
 from mocapidx.tasks.stored import REST, kept_rest
 
-__all__ = ["Job", "Prepared", "Refused", "Unchanged", "is_unchanged", "prepare"]
+__all__ = ["Job", "Prepared", "Refused", "Unchanged", "is_unchanged", "prepare", "source_digest"]
 
 PIECE: Final = 1 << 20
 
@@ -132,7 +132,7 @@ def prepare(job: Job) -> Outcome:
     try:
         sources = sources_of(path, job.options.skeleton)
         stamps = [_stamp(source) for source in sources]
-        digest = _digest(sources)
+        digest = source_digest(sources)
         if _is_same(job, digest):
             return Unchanged(job.source.name)
         reading = read_take(path, job.options)
@@ -212,7 +212,7 @@ def _in_words(options: ReadOptions, stamp: tuple[int, ...]) -> str:
     words = repr(replace(options, skeleton=skeleton, joint_map=None, limits=Limits()))
     if options.joint_map is None:
         return words
-    return f"{words}, joint map {_digest((options.joint_map,))}"
+    return f"{words}, joint map {source_digest((options.joint_map,))}"
 
 
 def _stamp(path: Path) -> list[int]:
@@ -224,8 +224,25 @@ def _stamp(path: Path) -> list[int]:
     return [status.st_size, status.st_mtime_ns]
 
 
-def _digest(sources: tuple[Path, ...]) -> str:
-    """BLAKE2b over the bytes of a take's files; the reader has the last word on odd files."""
+def source_digest(sources: tuple[Path, ...]) -> str:
+    """Digest the bytes of a take's files, to tell whether it has changed.
+
+    Parameters
+    ----------
+    sources : tuple of Path
+        The motion file and its skeleton; what is no regular file counts as nothing, since the
+        reader has the last word on odd files.
+
+    Returns
+    -------
+    str
+        BLAKE2b, 32 hexadecimal digits.
+
+    Raises
+    ------
+    FormatError
+        If a file can't be read.
+    """
     digest = hashlib.blake2b(digest_size=16)
     for path in sources:
         if not path.is_file():  # a pipe would block for ever

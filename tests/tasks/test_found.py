@@ -25,14 +25,14 @@ def written(path, row_format, hits=HITS):
 def test_json_lines_come_back_as_they_were(tmp_path):
     found = read_found(written(tmp_path / "hits", "jsonl"))
     assert found == (
-        Found("a/walk.amc", "walk", 0.1, 0.3, 0.04, True),
-        Found("=b,\n\x1b.bvh", "walk", 0.0, 1.0, 0.05, True),
+        Found("a/walk.amc", "walk", 0.1, 0.3, 0.04, True, 1, (12, 36)),
+        Found("=b,\n\x1b.bvh", "walk", 0.0, 1.0, 0.05, True, 2, (0, 120)),
     )
 
 
 def test_csv_comes_back_with_names_as_they_were_shown(tmp_path):
     found = read_found(written(tmp_path / "hits", "csv"))
-    assert found[0] == Found("a/walk.amc", "walk", 0.1, 0.3, 0.04, True)
+    assert found[0] == Found("a/walk.amc", "walk", 0.1, 0.3, 0.04, True, 1, (12, 36))
     assert found[1].document == "=b,\\n\\x1b.bvh"
 
 

@@ -1,0 +1,113 @@
+"""The command `export`."""
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from mocapidx.printable import count
+
+from .options import NumberRange, quiet_option, read_options, reading_options
+from .progress import Bar
+from .rows import note, warn
+
+__all__ = ["export"]
+
+SKIPPED = 5  # exit code: done, but some documents were passed over
+CLIPS = ("source", "bvh", "npz", "csv")
+
+
+@click.command()
+@click.argument("records", type=click.Path(path_type=Path, allow_dash=True))
+@click.option(
+    "--output",
+    type=click.Path(file_okay=False, path_type=Path),
+    required=True,
+    metavar="FOLDER",
+    help="Where the clips go; made if need be.",
+)
+@click.option(
+    "--to",
+    type=click.Choice(CLIPS),
+    default="source",
+    show_default=True,
+    help="Format: stretches of AMC, BVH and C3D as they are (others as npz), any motion as BVH, "
+    "or positions of the 24 joints in metres.",
+)
+@click.option(
+    "--store",
+    "stores",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    metavar="STORE",
+    help="Knows where the documents lie; may be repeated.",
+)
+@click.option(
+    "--root",
+    "roots",
+    multiple=True,
+    type=click.Path(exists=True, file_okay=False, path_type=Path),
+    metavar="FOLDER",
+    help="Documents lie below this folder; may be repeated.  [default: where STORE saw them, else "
+    "the current folder]",
+)
+@click.option(
+    "--handles",
+    type=NumberRange(min=0, max=3600),
+    default=0.0,
+    show_default=True,
+    metavar="SECONDS",
+    help="Motion before and after each hit, as far as there is any.",
+)
+@click.option(
+    "--top", type=click.IntRange(min=1), metavar="N", help="Only the best N.  [default: all]"
+)
+@click.option("--force", is_flag=True, help="Replace files that are there.")
+@click.option(
+    "--skip-bad",
+    is_flag=True,
+    help="Pass over documents whose files can't be used; the exit code is then 5.",
+)
+@reading_options
+@quiet_option
+def export(
+    records: Path,
+    output: Path,
+    to: Any,
+    stores: tuple[Path, ...],
+    roots: tuple[Path, ...],
+    handles: float,
+    top: int | None,
+    force: bool,
+    skip_bad: bool,
+    quiet: bool,
+    **reading: Any,
+) -> int:
+    """Cut hits or annotations out of their motion files, a clip each.
+
+    RECORDS are those of query, retrieve or annotate, as JSON lines or CSV. Names of clips begin
+    with the rank; clips.jsonl beside them says where each is from.
+
+    \b
+    Example:
+      mocapidx retrieve takes.store --templates t.h5 --class kick --format jsonl |
+        mocapidx export - --store takes.store --output kicks --handles 0.5 --top 20
+    """
+    from mocapidx.tasks.export import ExportOptions, export_clips
+
+    options = ExportOptions(
+        to=to,
+        handles=handles,
+        top=top,
+        force=force,
+        skip_bad=skip_bad,
+        stores=stores,
+        roots=roots,
+        read=read_options(reading),
+    )
+    with Bar("clip", quiet) as bar:
+        exported = export_clips(records, output, options, progress=bar.show)
+    for refused in exported.refused:
+        warn(refused.message)
+    note(f"{count(len(exported.clips), 'clip')} in {output}", quiet)
+    return SKIPPED if exported.refused else 0

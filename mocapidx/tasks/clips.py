@@ -1,0 +1,140 @@
+"""Clips out of motion files: as the file has them, as another format, or as positions."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Final, Literal, TypeAlias
+
+from mocapidx.errors import FormatError
+from mocapidx.formats.amc import read_amc
+from mocapidx.formats.registry import sources_of
+from mocapidx.formats.slice_c3d import c3d_frames
+from mocapidx.formats.slice_text import amc_frames, bvh_frames
+from mocapidx.formats.text import Limits, read_text
+from mocapidx.formats.write_bvh import bvh_text
+from mocapidx.formats.write_positions import positions_csv, positions_npz
+from mocapidx.model import Motion
+from mocapidx.skeleton.rigs import as_joints
+from mocapidx.skeleton.solve import solved_rig
+from mocapidx.tasks.origins import Origin
+from mocapidx.tasks.read import Reading, read_take
+
+__all__ = ["Clip", "ClipFormat", "ClipSource", "open_source"]
+
+ClipFormat: TypeAlias = Literal["source", "bvh", "npz", "csv"]
+Cut: TypeAlias = Callable[[int, int], "Clip"]
+
+KEPT: Final = "the source's own values"
+TURNED: Final = "the source's rotations, in frames of joints"
+SOLVED: Final = "rotations solved from positions"
+POSITIONS: Final = "positions of the 24 joints"
+
+
+@dataclass(frozen=True, slots=True)
+class Clip:
+    """A stretch of a motion file as files of its own.
+
+    Parameters
+    ----------
+    files : tuple of (str, bytes)
+        Suffix and content, the motion first; with an AMC goes its ASF.
+    holds : str
+        For people: what is in it.
+    """
+
+    files: tuple[tuple[str, bytes], ...]
+    holds: str
+
+
+@dataclass(frozen=True, slots=True)
+class ClipSource:
+    """A motion file to cut clips from.
+
+    Parameters
+    ----------
+    origin : Origin
+    reading : Reading
+        The take as it was read.
+    cut : callable
+        Takes start and end in frames of the file, from 0, end exclusive; gives a `Clip`.
+    """
+
+    origin: Origin
+    reading: Reading
+    cut: Cut
+
+
+def open_source(origin: Origin, to: ClipFormat) -> ClipSource:
+    """Read a motion file to cut clips from.
+
+    Parameters
+    ----------
+    origin : Origin
+    to : {"source", "bvh", "npz", "csv"}
+        Format of the clips. ``source``: AMC, BVH and C3D as they are, others as npz.
+
+    Returns
+    -------
+    ClipSource
+
+    Raises
+    ------
+    FormatError
+        If the file can't be used.
+    """
+    reading = read_take(origin.path, origin.options)
+    suffix, limits = origin.path.suffix.lower(), origin.options.limits
+    cut: Cut
+    if suffix == ".bvh" and to in ("source", "bvh"):
+        cut = _as_it_is(suffix, bvh_frames(origin.path, limits).cut)
+    elif suffix == ".amc" and to == "source":
+        cut = _with_skeleton(origin, limits)
+    elif suffix == ".c3d" and to == "source":
+        cut = _as_it_is(suffix, c3d_frames(origin.path, limits).cut)
+    elif suffix == ".amc" and to == "bvh":
+        cut = _as_joints(origin, reading)
+    elif to == "bvh":
+        cut = _solved(reading)
+    else:
+        cut = _positions(reading, to)
+    return ClipSource(origin, reading, cut)
+
+
+def _as_it_is(suffix: str, cut: Callable[[int, int], bytes]) -> Cut:
+    return lambda start, end: Clip(((suffix, cut(start, end)),), KEPT)
+
+
+def _with_skeleton(origin: Origin, limits: Limits) -> Cut:
+    skeleton = read_text(sources_of(origin.path, origin.options.skeleton)[1], limits)
+    frames = amc_frames(origin.path, limits)
+    return lambda start, end: Clip(((".amc", frames.cut(start, end)), (".asf", skeleton)), KEPT)
+
+
+def _as_joints(origin: Origin, reading: Reading) -> Cut:
+    skeleton, limits = reading.sources[1], origin.options.limits
+    recording = as_joints(read_amc(origin.path, skeleton, limits))
+
+    def cut(start: int, end: int) -> Clip:
+        part = replace(recording, values=recording.values[start:end])
+        return Clip(((".bvh", bvh_text(part, reading.motion.rate)),), TURNED)
+
+    return cut
+
+
+def _solved(reading: Reading) -> Cut:
+    def cut(start: int, end: int) -> Clip:
+        rig = solved_rig(_part(reading, start, end))
+        return Clip(((".bvh", bvh_text(rig)),), SOLVED)
+
+    return cut
+
+
+def _positions(reading: Reading, to: ClipFormat) -> Cut:
+    suffix, write = (".csv", positions_csv) if to == "csv" else (".npz", positions_npz)
+    return lambda start, end: Clip(((suffix, write(_part(reading, start, end))),), POSITIONS)
+
+
+def _part(reading: Reading, start: int, end: int) -> Motion:
+    first = reading.source_start
+    if not first <= start < end <= first + len(reading.motion.positions):
+        raise FormatError(f"no frames from {start} to {end}")
+    return replace(reading.motion, positions=reading.motion.positions[start - first : end - first])

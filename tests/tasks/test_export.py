@@ -1,0 +1,324 @@
+"""Clips hold what the stretch of their file held, lie in their folder, and say where from."""
+
+import json
+import os
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mocapidx.errors import FormatError, ParameterError
+from mocapidx.features.extract import extract_features
+from mocapidx.formats.registry import read_recording, sources_of
+from mocapidx.skeleton.resample import resample_motion
+from mocapidx.tasks.export import SIDECAR, ExportOptions, export_clips
+from mocapidx.tasks.read import read_motion, read_take
+
+TAKES = ("takes/ann_take_120.amc", "bvh/ann_take.bvh")
+
+
+def record(document, start, end, rank=1, label="kick", **more):
+    return {
+        "rank": rank,
+        "document": document,
+        "start_time": start,
+        "end_time": end,
+        "cost": 0.5,
+        "label": label,
+    } | more
+
+
+def records_file(path, records):
+    path.write_text("".join(f"{json.dumps(each)}\n" for each in records))
+    return path
+
+
+@pytest.fixture
+def exported(tmp_path, fixtures_dir):
+    """Export records from the generated motion; gives the folder and its sidecar."""
+
+    def run(records, **options):
+        options = {"roots": (fixtures_dir,)} | options
+        hits = records_file(tmp_path / "hits.jsonl", records)
+        export_clips(hits, tmp_path / "clips", ExportOptions(**options))
+        return tmp_path / "clips", sidecar(tmp_path / "clips")
+
+    return run
+
+
+def sidecar(folder):
+    return [json.loads(line) for line in (folder / SIDECAR).read_text().splitlines()]
+
+
+@pytest.mark.parametrize("document", TAKES)
+def test_a_clip_has_the_very_values_of_its_stretch(exported, fixtures_dir, document):
+    folder, (clip,) = exported([record(document, 4.0, 5.5)])
+    whole, part = read_recording(fixtures_dir / document), read_recording(folder / clip["file"])
+    start, end = clip["clip_start_frame"], clip["clip_end_frame"]
+    assert (start, end) == (round(4.0 * clip["rate"]), round(5.5 * clip["rate"]))
+    np.testing.assert_array_equal(part.values, whole.values[start:end])
+    np.testing.assert_array_equal(part.skeleton.offsets, whole.skeleton.offsets)
+    assert part.skeleton.names == whole.skeleton.names
+    assert part.rate == whole.rate
+
+
+def test_an_amc_goes_with_its_own_skeleton(exported, fixtures_dir):
+    folder, clips = exported(
+        [record("takes/ann_take_120.amc", 1, 2), record("takes/dov_take_120.amc", 1, 2, rank=2)]
+    )
+    for clip, actor in zip(clips, ("ann", "dov"), strict=True):
+        skeleton = sources_of(folder / clip["file"])[1]
+        assert skeleton.stem == (folder / clip["file"]).stem
+        assert skeleton.read_bytes() == (fixtures_dir / "takes" / f"{actor}.asf").read_bytes()
+
+
+@pytest.mark.parametrize("document", TAKES)
+def test_feature_words_of_a_clip_are_those_of_its_stretch(exported, fixtures_dir, document):
+    # speeds and hysteresis look a little further than the stretch: handles give them that
+    folder, (clip,) = exported([record(document, 4.0, 6.0)], handles=1.0)
+    whole = extract_features(read_motion(fixtures_dir / document))
+    part = extract_features(read_motion(folder / clip["file"]))
+    np.testing.assert_array_equal(part[30:90], whole[120:180])
+
+
+@pytest.mark.parametrize("document", TAKES)
+def test_any_input_becomes_bvh_with_the_same_motion(exported, fixtures_dir, document):
+    folder, (clip,) = exported([record(document, 4.0, 5.0)], to="bvh")
+    assert clip["file"].endswith(".bvh")
+    whole, part = read_motion(fixtures_dir / document), read_motion(folder / clip["file"])
+    expected = whole.positions[clip["clip_start_frame"] : clip["clip_end_frame"]]
+    np.testing.assert_allclose(part.positions, expected, atol=1e-9)
+    assert part.rate == whole.rate
+
+
+@pytest.mark.parametrize("document", TAKES)
+def test_positions_as_npz_and_csv(exported, fixtures_dir, document, tmp_path):
+    whole = read_motion(fixtures_dir / document)
+    folder, (clip,) = exported([record(document, 4.0, 5.0)], to="npz")
+    expected = whole.positions[clip["clip_start_frame"] : clip["clip_end_frame"]]
+    with np.load(folder / clip["file"], allow_pickle=False) as arrays:
+        np.testing.assert_array_equal(arrays["positions"], expected)
+        assert tuple(arrays["joints"]) == whole.joints
+        assert arrays["rate"] == whole.rate
+    folder, (clip,) = exported([record(document, 4.0, 5.0)], to="csv", force=True)
+    header, *rows = (folder / clip["file"]).read_text().splitlines()
+    assert header.startswith("time,root_x,root_y,root_z,lhip_x")
+    table = np.array([[float(cell or "nan") for cell in row.split(",")] for row in rows])
+    np.testing.assert_array_equal(table[:, 1:].reshape(expected.shape), expected)
+    np.testing.assert_array_equal(table[:, 0], np.arange(len(expected)) / whole.rate)
+
+
+def test_handles_end_where_the_motion_ends(exported, fixtures_dir):
+    seconds = read_take(fixtures_dir / TAKES[1]).source_frames / 30
+    _, (first, last) = exported(
+        [record(TAKES[1], 0.5, 1.0), record(TAKES[1], seconds - 1, seconds, rank=2)], handles=2.0
+    )
+    assert (first["handle_before"], first["handle_after"]) == (0.5, 2.0)
+    assert (last["handle_before"], last["handle_after"]) == (2.0, 0.0)
+
+
+def test_a_pose_before_the_motion_is_no_handle(exported, fixtures_dir, tmp_path):
+    text = (fixtures_dir / TAKES[1]).read_text()
+    _, (clip,) = exported(
+        [record(TAKES[1], 0.0, 1.0)],
+        handles=1.0,
+        read=replace(ExportOptions().read, keep_first_frame=False),
+    )
+    assert text
+    assert clip["clip_start_frame"] == clip["source_start_frame"] == 1
+
+
+def test_frames_of_the_source_count_more_than_times(exported):
+    _, (clip,) = exported([record(TAKES[0], 1.0, 2.0, source_start_frame=7, source_end_frame=19)])
+    assert (clip["clip_start_frame"], clip["clip_end_frame"]) == (7, 19)
+
+
+def test_clips_sort_by_rank_and_the_best_come_first(exported):
+    records = [record(TAKES[1], n, n + 1, rank=12 - n) for n in range(12)]
+    folder, clips = exported(records, top=3)
+    assert [clip["rank"] for clip in clips] == [1, 2, 3]
+    assert [clip["start_time"] for clip in clips] == [11, 10, 9]
+    names = sorted(p.name for p in folder.glob("*.bvh"))
+    assert names == [clip["file"] for clip in clips]
+    assert names[0].startswith("0001_kick_ann_take-")
+
+
+@pytest.mark.parametrize("key", ["missing", "twice"])
+def test_without_different_ranks_the_order_counts(exported, key):
+    records = [record(TAKES[1], n, n + 1) for n in range(3)]
+    if key == "missing":
+        for each in records:
+            del each["rank"]
+    _, clips = exported(records)
+    assert [(clip["rank"], clip["start_time"]) for clip in clips] == [(1, 0), (2, 1), (3, 2)]
+
+
+def test_the_sidecar_says_where_a_clip_is_from_and_can_be_exported_again(exported, fixtures_dir):
+    folder, (clip,) = exported([record(TAKES[0], 4.0, 5.0)], handles=0.25)
+    assert clip["document"] == TAKES[0]
+    assert clip["cost"] == 0.5
+    assert clip["source"] == str(fixtures_dir / TAKES[0])
+    assert clip["handle_before"] == 0.25
+    options = ExportOptions(roots=(fixtures_dir,), handles=0.25)
+    again = export_clips(folder / SIDECAR, folder.parent / "again", options)
+    assert again.clips == (clip,)
+
+
+def test_a_store_knows_where_the_files_are(tmp_path, fixtures_store, fixtures_dir):
+    hits = records_file(tmp_path / "hits.jsonl", [record(TAKES[0], 4.0, 5.0)])
+    export_clips(hits, tmp_path / "clips", ExportOptions(stores=(fixtures_store,)))
+    (clip,) = sidecar(tmp_path / "clips")
+    assert clip["source"] == str(fixtures_dir / TAKES[0])
+    part = read_motion(tmp_path / "clips" / clip["file"], source_rate=120)
+    whole = resample_motion(read_motion(fixtures_dir / TAKES[0]), 120.0)
+    np.testing.assert_array_equal(part.positions, whole.positions[480:600])
+
+
+def test_nothing_is_replaced_without_force(exported):
+    folder, _ = exported([record(TAKES[1], 1.0, 2.0)])
+    (clip,) = folder.glob("*.bvh")
+    clip.write_text("mine")
+    (folder / SIDECAR).unlink()
+    with pytest.raises(ParameterError, match="is there already; --force replaces it"):
+        exported([record(TAKES[1], 1.0, 2.0)])
+    assert clip.read_text() == "mine"
+    exported([record(TAKES[1], 1.0, 2.0)], force=True)
+    assert clip.read_text() != "mine"
+
+
+@pytest.mark.parametrize("force", [False, True])
+def test_links_in_the_folder_are_not_followed(exported, tmp_path, force):
+    folder, _ = exported([record(TAKES[1], 1.0, 2.0)])
+    (clip,) = folder.glob("*.bvh")
+    outside = tmp_path / "outside"
+    outside.write_text("mine")
+    clip.unlink()
+    clip.symlink_to(outside)
+    (folder / SIDECAR).unlink()
+    with pytest.raises(ParameterError, match="symbolic link"):
+        exported([record(TAKES[1], 1.0, 2.0)], force=force)
+    assert outside.read_text() == "mine"
+
+
+BAD_NAMES = (
+    "../../etc/passwd",
+    "/etc/passwd",
+    "a/../../b.bvh",
+    "a\0b.bvh",
+    "CON",
+    "x" * 300,
+    "\ud800.bvh",
+    "\udcff.bvh",
+    "",
+    "<script>alert(1)</script>.bvh",
+    "=cmd|' /C calc'!A0",
+    "no\nnewline\t\x1b[2J\u202e.bvh",
+)
+
+
+@pytest.mark.parametrize("name", BAD_NAMES)
+def test_names_that_lead_nowhere_are_one_line(exported, name):
+    with pytest.raises(FormatError) as caught:
+        exported([record(name, 1.0, 2.0)])
+    message = str(caught.value)
+    assert message.isprintable()
+    assert len(message) < 400
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "../up.bvh",
+        "sub/=cmd.bvh",
+        "CON.bvh",
+        "<script>.bvh",
+        "x" * 200 + ".bvh",
+        "new\nline.bvh",
+        "esc\x1b[2J.bvh",
+        "bidi\u202e.bvh",
+        "latin\udcfc.bvh",
+        "-rf.bvh",
+        " .bvh",
+    ],
+)
+def test_whatever_a_document_and_its_class_are_called_clips_stay_in_their_folder(
+    tmp_path, fixtures_dir, name
+):
+    own = tmp_path / "own"
+    (own / "sub").mkdir(parents=True)
+    os.symlink(fixtures_dir / TAKES[1], own / "up.bvh")
+    if not name.startswith(".."):
+        (own / name).write_bytes((fixtures_dir / TAKES[1]).read_bytes())
+    hits = records_file(
+        tmp_path / "hits.jsonl", [record(name.replace("../", ""), 1.0, 2.0, label=name)]
+    )
+    before = {p for p in tmp_path.rglob("*")}
+    export_clips(hits, tmp_path / "clips", ExportOptions(roots=(own,)))
+    new = {p for p in tmp_path.rglob("*")} - before - {tmp_path / "clips"}
+    assert {p.parent for p in new} == {tmp_path / "clips"}
+    assert len(new) == 2
+    assert all(p.name.isascii() and p.name.isprintable() and len(p.name) < 120 for p in new)
+
+
+def test_names_that_differ_in_case_only_get_different_clips(tmp_path, fixtures_dir):
+    own = tmp_path / "own"
+    own.mkdir()
+    records = []
+    for n, name in enumerate(("Walk.bvh", "walk.bvh", "walk .bvh"), start=1):
+        (own / name).write_bytes((fixtures_dir / TAKES[1]).read_bytes())
+        records.append(record(name, 1.0, 2.0, rank=n))
+    hits = records_file(tmp_path / "hits.jsonl", records)
+    export_clips(hits, tmp_path / "clips", ExportOptions(roots=(own,)))
+    tails = {p.name[5:].lower() for p in (tmp_path / "clips").glob("*.bvh")}
+    assert len(tails) == 3
+
+
+def test_a_file_that_changed_since_it_was_indexed_is_refused(tmp_path, fixtures_dir, mocapidx):
+    own = tmp_path / "own"
+    own.mkdir()
+    take = own / "take.bvh"
+    take.write_bytes((fixtures_dir / TAKES[1]).read_bytes())
+    assert mocapidx("index", own, "--store", tmp_path / "s", "--jobs", "1").returncode == 0
+    take.write_bytes(take.read_bytes().replace(b"Frame Time: 0.0333333", b"Frame Time: 0.0333334"))
+    hits = records_file(tmp_path / "hits.jsonl", [record("take.bvh", 1.0, 2.0)])
+    with open(take, "ab") as file:
+        file.write(b"\n")
+    with pytest.raises(FormatError, match="has changed since it was indexed"):
+        export_clips(hits, tmp_path / "clips", ExportOptions(stores=(tmp_path / "s",)))
+
+
+def test_bad_documents_can_be_passed_over(tmp_path, fixtures_dir, mocapidx):
+    hits = records_file(
+        tmp_path / "hits.jsonl", [record("gone.bvh", 1, 2), record(TAKES[1], 1, 2, rank=2)]
+    )
+    arguments = ("export", hits, "--root", fixtures_dir, "--output", tmp_path / "clips")
+    refused = mocapidx(*arguments)
+    assert refused.returncode == 3
+    assert refused.stderr.count("\n") == 1
+    assert "gone.bvh" in refused.stderr
+    done = mocapidx(*arguments, "--skip-bad", "--force")
+    assert done.returncode == 5
+    assert "gone.bvh" in done.stderr
+    assert [clip["rank"] for clip in sidecar(tmp_path / "clips")] == [2]
+
+
+def test_hits_come_through_a_pipe(tmp_path, fixtures_dir, fixtures_store, mocapidx):
+    hits = records_file(tmp_path / "hits.jsonl", [record(TAKES[1], 1, 2)])
+    done = mocapidx(
+        *("export", "-", "--store", fixtures_store, "--output", tmp_path / "clips"),
+        input=hits.read_text(),
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == ""
+    assert done.stderr == f"1 clip in {tmp_path / 'clips'}\n"
+
+
+def test_a_stretch_that_the_file_does_not_have_is_refused(exported):
+    with pytest.raises(FormatError, match="begins at frame"):
+        exported([record(TAKES[1], 1e6, 1e6 + 1)])
+
+
+def test_the_folder_may_not_be_a_file(exported, tmp_path):
+    (tmp_path / "clips").write_text("")
+    with pytest.raises(ParameterError, match="is a file, expected a folder"):
+        exported([record(TAKES[1], 1, 2)])
