@@ -1,7 +1,7 @@
 # make demo   set everything up and run the main job on motion that the project generates
 # make test   set everything up and pass all checks and tests
 # make sanitize   test the C kernels and the readers with sanitizers of memory and behaviour
-# The rest:   dev kernels tests lint types check bench fixtures pictures clean
+# The rest:   dev kernels tests lint types check bench fixtures three pictures clean
 
 PYTHON ?= python3
 VENV := .venv
@@ -11,7 +11,7 @@ SANITIZED := $(WORK)/sanitized
 QUICK := test_a_megabyte_of_nonsense_takes_neither_time_nor_memory
 BUILT_FROM := pyproject.toml setup.py $(wildcard mocapidx/kernels/*.[ch])
 
-.PHONY: demo test tests sanitize dev kernels lint types check bench fixtures pictures clean
+.PHONY: demo test tests sanitize dev kernels lint types check bench fixtures three pictures clean
 
 demo: $(VENV)/.demo $(WORK)/fixtures/.done
 	$(BIN)/python fixtures/demo.py --fixtures $(WORK)/fixtures --output $(WORK)/demo
@@ -55,6 +55,10 @@ bench: $(VENV)/.bench $(WORK)/fixtures/.done
 
 fixtures: $(WORK)/fixtures/.done
 
+# The library that draws in reports, from packages of exact versions; needs npm and the network.
+three:
+	sh three/bundle.sh mocapidx/reports/page/static/three.min.js
+
 pictures: demo
 	$(BIN)/python -m fixtures.pictures $(WORK)/demo
 
@@ -74,7 +78,7 @@ $(VENV)/.demo: $(BUILT_FROM) | $(BIN)/python
 	touch $@
 
 $(VENV)/.test: $(BUILT_FROM) | $(BIN)/python
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test,examples]'
 	$(BIN)/python -m compileall -q mocapidx cli
 	touch $@ $(VENV)/.demo
 
