@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from mocapidx.tasks.info import document_info, store_info
     from mocapidx.tasks.learn import find_labels, learn_classes
     from mocapidx.tasks.learn_thresholds import learn_feature
+    from mocapidx.tasks.oneshot import query_auto
     from mocapidx.tasks.query import query_store
     from mocapidx.tasks.read import read_motion
     from mocapidx.tasks.reindex import reindex_store
@@ -46,6 +47,7 @@ __all__ = [
     "load_feature_set",
     "load_templates",
     "open_store",
+    "query_auto",
     "query_store",
     "read_motion",
     "reindex_store",
@@ -73,6 +75,7 @@ _HOMES = {
     "load_feature_set": "features.featureset:load_feature_set",
     "load_templates": "templates.file:load_templates",
     "open_store": "store.read:open_store",
+    "query_auto": "tasks.oneshot:query_auto",
     "query_store": "tasks.query:query_store",
     "read_motion": "tasks.read:read_motion",
     "reindex_store": "tasks.reindex:reindex_store",
