@@ -3,17 +3,20 @@
 The columns of all templates stand end to end: column ``c`` of ``C``. A frame lies in a column for
 the first or for the second time; from there the path stays (once), advances by one or two
 columns around the loop, or jumps to any column for a price. Row ``t`` of the back-pointers says
-how the states of frame ``t`` come from those of frame ``t - 1``.
+how the states of frame ``t`` come from those of frame ``t - 1``. The compiled kernel ``path.c``
+goes forward and traces back with the same bits.
 """
 
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mocapidx.errors import ParameterError
+from mocapidx.kernels.choice import compiled
 from mocapidx.model import BoolArray, FloatArray, IndexArray, WordArray
 
 __all__ = ["UNKNOWN", "Loops", "align_loops", "byte_tables", "cheapest_path", "join_loops"]
@@ -21,8 +24,10 @@ __all__ = ["UNKNOWN", "Loops", "align_loops", "byte_tables", "cheapest_path", "j
 UNKNOWN = -1
 """The column of a frame that lies in no template."""
 
-POINTER_BYTES = 32 << 20  # back-pointers held at a time
-PLANES = 3  # bytes of back-pointers for a column and frame
+POINTER_BYTES = 32 << 20  # back-pointers held at a time, one a column and frame
+LATE, SKIP, JUMP = 1, 2, 4  # their bits
+LEVEL: str | None = None
+"""The instructions that the kernel uses: by default the fastest that this processor has."""
 SHIFT_FRAMES = 64  # sums are shifted so often: they stay small enough for float32
 
 
@@ -180,17 +185,17 @@ def _paths(
     """Trace back from all the `ends` of the last sums: columns and jumps, one row a path."""
     if not len(words):
         raise ParameterError("a path needs at least one frame")
-    octets = words.astype("<u8").view(np.uint8).reshape(-1, 8)[:, : len(walk.rows)]
+    words = np.ascontiguousarray(words, dtype=np.uint64)
     width = len(walk.loops.before)
-    block = max(pointer_bytes // (PLANES * width) // SHIFT_FRAMES, 1) * SHIFT_FRAMES
+    block = max(pointer_bytes // width // SHIFT_FRAMES, 1) * SHIFT_FRAMES
     starts = range(0, len(words), block)
     states = [walk.start()]
     for start in starts[:-1]:
-        states.append(walk.forward(octets[start : start + block], states[-1]))
+        states.append(walk.forward(words[start : start + block], states[-1]))
     pointers = _Pointers.empty(min(block, len(words)), width)
     at: list[tuple[int, bool]] = []
     for start, state in zip(reversed(starts), reversed(states), strict=True):
-        ended = walk.forward(octets[start : start + block], state, pointers)
+        ended = walk.forward(words[start : start + block], state, pointers)
         if not at:
             at = ends(ended)
             columns = np.empty((len(at), len(words)), dtype=np.int64)
@@ -225,16 +230,19 @@ class _State:
 class _Pointers:
     """How the states of each frame come from those of the frame before."""
 
-    late: BoolArray  # (T, C): the column before was better held for the second time
-    skip: BoolArray  # (T, C): two columns forward, not one
-    jump: BoolArray  # (T, C)
+    steps: NDArray[np.uint8]
+    """(T, C): `LATE`, the column before was better held for the second time; `SKIP`, two columns
+    forward, not one; `JUMP`."""
     source: IndexArray  # (T,): the column that jumps come from
-    unknown_jump: BoolArray  # (T,): no template was entered by a jump
+    unknown_jump: NDArray[np.uint8]  # (T,): no template was entered by a jump
 
     @classmethod
     def empty(cls, frames: int, columns: int) -> "_Pointers":
-        late, skip, jump = (np.empty((frames, columns), np.bool_) for _ in range(PLANES))
-        return cls(late, skip, jump, np.empty(frames, np.int64), np.empty(frames, np.bool_))
+        steps = np.empty((frames, columns), np.uint8)
+        return cls(steps, np.empty(frames, np.int64), np.empty(frames, np.uint8))
+
+    def until(self, frames: int) -> "_Pointers":
+        return _Pointers(self.steps[:frames], self.source[:frames], self.unknown_jump[:frames])
 
 
 class _Walk:
@@ -247,7 +255,7 @@ class _Walk:
         jump_price: float,
         unknown_price: float,
     ) -> None:
-        self.rows = [list(table) for table in tables]
+        self.tables = np.ascontiguousarray(tables, dtype=np.float32)
         self.loops = loops
         self.jump_price = jump_price
         self.unknown_price = unknown_price
@@ -256,20 +264,42 @@ class _Walk:
         nothing = np.full(len(self.loops.before), np.inf, dtype=np.float32)
         return _State(nothing, nothing, np.inf, fresh=True)
 
-    def forward(
-        self, octets: NDArray[np.uint8], state: _State, pointers: _Pointers | None = None
-    ) -> _State:
+    def forward(self, words: WordArray, state: _State, pointers: _Pointers | None = None) -> _State:
         """Go over some frames, SHIFT_FRAMES or a multiple unless they are the last."""
+        kernel = compiled("path")
+        if kernel is None:
+            return self._forward(words, state, pointers)
+        first, second = state.first.copy(), state.second.copy()
+        kept = NOT_KEPT if pointers is None else pointers.until(len(words))
+        unknown = kernel.forward(
+            words,
+            self.tables,
+            self.loops.before,
+            self.loops.two_before,
+            self.jump_price,
+            self.unknown_price,
+            state.fresh,
+            first,
+            second,
+            state.unknown,
+            kept.steps,
+            kept.source,
+            kept.unknown_jump,
+            LEVEL,
+        )
+        return _State(first, second, unknown, fresh=False)
+
+    def _forward(self, words: WordArray, state: _State, pointers: _Pointers | None) -> _State:
         first, second, unknown = state.first.copy(), state.second.copy(), state.unknown
-        late, skip, jump = (np.empty(len(first), dtype=np.bool_) for _ in range(PLANES))
-        either, stepped, skipped, cost = (np.empty_like(first) for _ in range(4))
+        late, skip, jump = np.empty((3, len(first)), dtype=np.bool_)
+        either, stepped, skipped, cost = np.empty((4, len(first)), dtype=np.float32)
         before, two_before = self.loops.before, self.loops.two_before
+        octets = words.astype("<u8").view(np.uint8).reshape(-1, 8)[:, : len(self.tables)]
+        rows = [list(table) for table in self.tables]
         last_octets: list[int] = []
         for t, frame_octets in enumerate(octets.tolist()):
-            if pointers is not None:
-                late, skip, jump = pointers.late[t], pointers.skip[t], pointers.jump[t]
             if frame_octets != last_octets:
-                self._cost(frame_octets, cost)
+                _add_up(rows, frame_octets, cost)
                 last_octets = frame_octets
             np.less(second, first, out=late)
             np.minimum(first, second, out=either)
@@ -288,6 +318,10 @@ class _Walk:
             np.add(first, cost, out=second)
             np.add(stepped, cost, out=first)
             if pointers is not None:
+                steps = pointers.steps[t]
+                np.multiply(jump, np.uint8(JUMP), out=steps)
+                steps += skip.view(np.uint8) * np.uint8(SKIP)
+                steps += late.view(np.uint8)
                 pointers.source[t] = source
                 pointers.unknown_jump[t] = enter < unknown
             unknown = min(unknown, enter) + self.unknown_price
@@ -298,10 +332,19 @@ class _Walk:
                 unknown -= float(least)
         return _State(first, second, unknown, fresh=False)
 
-    def _cost(self, frame_octets: list[int], cost: NDArray[np.float32]) -> None:
-        cost[:] = self.rows[0][frame_octets[0]]
-        for rows, octet in zip(self.rows[1:], frame_octets[1:], strict=True):
-            cost += rows[octet]
+
+NOT_KEPT: Final = _Pointers.empty(0, 0)
+
+
+def _add_up(
+    rows: Sequence[Sequence[NDArray[np.float32]]],
+    frame_octets: Sequence[int],
+    cost: NDArray[np.float32],
+) -> None:
+    """Sum the costs of the bytes of a word in all columns."""
+    cost[:] = rows[0][frame_octets[0]]
+    for row, octet in zip(rows[1:], frame_octets[1:], strict=True):
+        cost += row[octet]
 
 
 def _trace(
@@ -313,19 +356,25 @@ def _trace(
 ) -> tuple[int, bool]:
     """Follow the pointers back, fill in the path, and return the state before the first frame."""
     column, held = at
+    kernel = compiled("path")
+    if kernel is not None:
+        there = (pointers.steps, pointers.source, pointers.unknown_jump)
+        back = (loops.before, loops.two_before)
+        column, held = kernel.trace(*there, *back, column, held, columns, jumps)
+        return column, held
     for t in range(len(columns) - 1, -1, -1):
         columns[t], jumps[t] = column, False
         if held:
             held = False
             continue
         if column == UNKNOWN:
-            jumps[t] = pointers.unknown_jump[t]
+            jumps[t] = bool(pointers.unknown_jump[t])
             column = int(pointers.source[t]) if jumps[t] else UNKNOWN
-        elif pointers.jump[t, column]:
+        elif pointers.steps[t, column] & JUMP:
             jumps[t] = True
             column = int(pointers.source[t])
         else:
-            back = loops.two_before if pointers.skip[t, column] else loops.before
-            column = int(back[column])
-        held = column != UNKNOWN and bool(pointers.late[t, column])
+            skipped = pointers.steps[t, column] & SKIP
+            column = int((loops.two_before if skipped else loops.before)[column])
+        held = column != UNKNOWN and bool(pointers.steps[t, column] & LATE)
     return column, held

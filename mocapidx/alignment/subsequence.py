@@ -34,8 +34,8 @@ BLOCK = 32768  # frames; three rows of costs and the words stay in the second-le
 INFINITE = np.float32(np.inf)
 NO_FRAMES = np.empty(0, dtype=np.int64)
 
-LEVEL: Final = 0
-"""Of the kernel's ways to count bits the fastest that this processor has."""
+LEVEL: str | None = None
+"""The instructions that the kernel uses: by default the fastest that this processor has."""
 
 FRAMES_A_THREAD: Final = 1 << 15
 """With fewer, a thread takes longer to start than to do its share."""

@@ -12,6 +12,8 @@
 #define UINT64 "LQ"
 #define INT64 "lq"
 #define FLOAT32 "f"
+#define UINT8 "B"
+#define BOOL "?"
 
 typedef struct {
     Py_buffer view; /* view.obj is NULL until it is taken */

@@ -12,15 +12,10 @@
 #include <string.h>
 
 #include "arrays.h"
+#include "levels.h"
 
-#if (defined(__x86_64__) || defined(__i386__)) && defined(__GNUC__)
-#define LEVELS_OF_X86 1
+#if LEVELS_OF_X86
 #include <immintrin.h>
-#define FOR(features) __attribute__((target(features)))
-#define INLINED static inline __attribute__((always_inline))
-#else
-#define LEVELS_OF_X86 0
-#define INLINED static inline
 #endif
 
 enum {
@@ -39,7 +34,6 @@ typedef struct {
    of bits of each byte of a plane that differ from `one` where `care` is set; it may go on to
    the end of a whole register. `add_row` fills a row from the two above it. */
 typedef struct {
-    const char *name;
     void (*add_plane)(const uint8_t *plane, uint8_t one, uint8_t care, uint8_t *counts,
                       Py_ssize_t frames, int first);
     void (*add_row)(const uint8_t *counts, int32_t of, const float *up, const float *two_up,
@@ -174,16 +168,14 @@ static void add_plane_avx2(const uint8_t *plane, uint8_t one, uint8_t care, uint
     }
 }
 
-#define AVX512 "avx512f,avx512bw,avx512vl,avx512bitalg"
-
-FOR(AVX512)
+FOR(AVX512_INSTRUCTIONS)
 static void add_row_avx512(const uint8_t *counts, int32_t of, const float *up,
                            const float *two_up, float *here, Py_ssize_t frames, int weighted)
 {
     add_row_anyhow(counts, of, up, two_up, here, frames, weighted);
 }
 
-FOR(AVX512)
+FOR(AVX512_INSTRUCTIONS)
 static void add_plane_avx512(const uint8_t *plane, uint8_t one, uint8_t care, uint8_t *counts,
                              Py_ssize_t frames, int first)
 {
@@ -198,24 +190,14 @@ static void add_plane_avx512(const uint8_t *plane, uint8_t one, uint8_t care, ui
 
 #endif
 
-static Level levels[4]; /* those that this processor has, the fastest first */
-static int level_count;
-
-static void find_levels(void)
-{
-    level_count = 0;
+static const Level levels[LEVELS] = {
+    [PORTABLE] = {add_plane_portable, add_row_portable},
 #if LEVELS_OF_X86
-    __builtin_cpu_init();
-    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
-        __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512bitalg"))
-        levels[level_count++] = (Level){"avx512", add_plane_avx512, add_row_avx512};
-    if (__builtin_cpu_supports("avx2"))
-        levels[level_count++] = (Level){"avx2", add_plane_avx2, add_row_avx2};
-    if (__builtin_cpu_supports("ssse3"))
-        levels[level_count++] = (Level){"ssse3", add_plane_ssse3, add_row_ssse3};
+    [AVX512] = {add_plane_avx512, add_row_avx512},
+    [AVX2] = {add_plane_avx2, add_row_avx2},
+    [SSSE3] = {add_plane_ssse3, add_row_ssse3},
 #endif
-    levels[level_count++] = (Level){"portable", add_plane_portable, add_row_portable};
-}
+};
 
 static int32_t bits_set(uint64_t word)
 {
@@ -362,7 +344,7 @@ PyDoc_STRVAR(match_doc,
 "Fill costs[:, begin:end] with the cost of the best match of each template.\n\n"
 "Template m has the rows bounds[m] to bounds[m + 1] of ones and care (uint64), and the breaks\n"
 "break_bounds[m] to break_bounds[m + 1] (int64, ascending). costs is float32 (M, L), words\n"
-"uint64 (L,). level is a number in levels(). Parts of the frames can be filled at a time, by\n"
+"uint64 (L,). level is one of levels(), None: the fastest. Parts of the frames can be filled at a time, by\n"
 "several threads: the lock of the interpreter is released.");
 
 static PyObject *match(PyObject *module, PyObject *arguments)
@@ -370,10 +352,14 @@ static PyObject *match(PyObject *module, PyObject *arguments)
     (void)module;
     PyObject *objects[7];
     Py_ssize_t begin, end;
-    int weighted, level;
-    if (!PyArg_ParseTuple(arguments, "OOOOOOpOnni:match", &objects[0], &objects[1], &objects[2],
+    int weighted;
+    const char *level_name;
+    if (!PyArg_ParseTuple(arguments, "OOOOOOpOnnz:match", &objects[0], &objects[1], &objects[2],
                           &objects[3], &objects[4], &objects[5], &weighted, &objects[6], &begin,
-                          &end, &level))
+                          &end, &level_name))
+        return NULL;
+    const int level = take_level(level_name);
+    if (level < 0)
         return NULL;
     Array ones = {0}, care = {0}, bounds = {0}, words = {0}, breaks = {0}, break_bounds = {0};
     Array costs = {0};
@@ -394,8 +380,8 @@ static PyObject *match(PyObject *module, PyObject *arguments)
         PyErr_SetString(PyExc_ValueError, "the arrays don't fit each other");
         goto done;
     }
-    if (begin < 0 || end < begin || end > words.length || level < 0 || level >= level_count) {
-        PyErr_SetString(PyExc_ValueError, "no such frames or no such level");
+    if (begin < 0 || end < begin || end > words.length) {
+        PyErr_SetString(PyExc_ValueError, "no such frames");
         goto done;
     }
     const Matching matching = {
@@ -426,25 +412,9 @@ done:
     return result;
 }
 
-PyDoc_STRVAR(levels_doc,
-"levels()\n--\n\n"
-"Name the ways to count bits that this processor has, the fastest first.");
-
-static PyObject *name_levels(PyObject *module, PyObject *nothing)
-{
-    (void)module, (void)nothing;
-    PyObject *names = PyTuple_New(level_count);
-    for (int i = 0; names && i < level_count; i++) {
-        PyObject *name = PyUnicode_FromString(levels[i].name);
-        if (!name || PyTuple_SetItem(names, i, name) < 0)
-            Py_CLEAR(names);
-    }
-    return names;
-}
-
 static PyMethodDef functions[] = {
     {"match", match, METH_VARARGS, match_doc},
-    {"levels", name_levels, METH_NOARGS, levels_doc},
+    {"levels", name_levels, METH_NOARGS, LEVELS_DOC},
     {NULL, NULL, 0, NULL},
 };
 
