@@ -100,16 +100,19 @@ def read_frames(
     """
     first = int(text.split(None, 1)[0])
     kernel = compiled("text")
-    for frames in _whole_frames(file, text, block):
+    lengths = ([len(name) for name in layout.names], layout.counts)
+    bounds = [np.cumsum([0, *each]) for each in lengths]
+    done = 0
+    for i, frames in enumerate(_whole_frames(file, text, block)):
+        if i == 1:
+            table.expect(done, file.size)
+        done += len(frames)
         number = first + table.frames
         if kernel is None:
             at, lines = _read_with_numpy(frames, number, layout, table)
         else:
-            names = [len(name) for name in layout.names]
-            bounds = (np.cumsum([0, *n]) for n in (names, layout.counts))
-            at, lines = table.scan(
-                kernel.read_frames, frames, 0, number, b"".join(layout.names), *bounds
-            )
+            names = b"".join(layout.names)
+            at, lines = table.scan(kernel.read_frames, frames, 0, number, names, *bounds)
         line += lines
         if at < len(frames):
             rest = frames[at:]

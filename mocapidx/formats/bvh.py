@@ -248,7 +248,7 @@ class _Bvh:
     def _read_rows(self, scales: FloatArray) -> FloatArray:
         """Read the rows of numbers; the memory follows the file, not what it says of itself."""
         table = FrameTable(np.arange(len(scales)), scales)
-        kernel = compiled("text")
+        kernel, blocks = compiled("text"), 0
         while self._has_more():
             if kernel is not None:
                 self.at, lines = table.scan(kernel.read_rows, self.data, self.at)
@@ -259,6 +259,9 @@ class _Bvh:
                 self.at = len(self.data)
                 self.line += rest.count(b"\n")
             self.limits.check_frames(table.frames, self.path)
+            if not blocks:
+                table.expect(len(self.data), self.file.size)
+            blocks += 1
         return table.finish()
 
     def _rows_of(self, block: bytes, width: int) -> FloatArray:

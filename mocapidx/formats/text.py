@@ -18,6 +18,7 @@ __all__ = ["Limits", "TextFile", "decoded", "open_text", "place", "read_binary",
 
 LONGEST_LINE: Final = 16 * 1024 * 1024
 CHUNK: Final = 4 * 1024 * 1024
+PIECE: Final = 16 * 1024  # bytes looked at together: what arrays over them cost is not felt
 KINDS: Final = (
     (stat.S_ISDIR, "a folder"),
     (stat.S_ISFIFO, "a named pipe"),
@@ -134,7 +135,7 @@ class TextFile:
     """A text file while it is read, in one form whatever system wrote it; see `open_text`."""
 
     def __init__(self, path: Path, file: BinaryIO, size: int) -> None:
-        self._path, self._file = path, file
+        self._path, self._file, self.size = path, file, size
         self._left = size + 1  # a byte more shows that the file grows
         self._begun = self._ended = False
         self._decoder: codecs.IncrementalDecoder | None = None
@@ -267,8 +268,12 @@ def _with_plain_line_ends(data: bytes) -> bytes:
 
 def _has_lone_cr(data: bytes) -> bool:
     text = np.frombuffer(data, dtype=np.uint8)
-    after = text[1:] == ord("\n")
-    return data.endswith(b"\r") or bool(((text[:-1] == ord("\r")) & ~after).any())
+    returns, news = text[:-1], text[1:]
+    for at in range(0, len(returns), PIECE):
+        piece = slice(at, at + PIECE)
+        if ((returns[piece] == ord("\r")) > (news[piece] == ord("\n"))).any():
+            return True
+    return data.endswith(b"\r")
 
 
 def _reason(path: Path, exc: OSError | ValueError) -> str:

@@ -27,6 +27,7 @@ static const double float_powers[EXACT_POWER + 1] = {
     1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,  1e8,  1e9,  1e10, 1e11,
     1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22,
 };
+static const double signs[2] = {1, -1};
 static const uint64_t word_powers[9] = {
     1, 10, 100, 1000, 10000, 100000, 1000000, 10000000, 100000000,
 };
@@ -64,34 +65,34 @@ static int next_line(Scan *scan)
     return 1;
 }
 
-static int is_end_of_word(const Scan *scan)
+static int is_end_of_word(const char *at, const char *end)
 {
-    return scan->at == scan->end || is_blank(*scan->at);
+    return at == end || is_blank(*at);
 }
 
-static uint64_t little_endian(const unsigned char *letters)
+/* Eight letters as one word, the first one lowest; one load, where the processor stores so. */
+static inline uint64_t joined(const unsigned char *l)
 {
-    uint64_t word = 0;
-    for (int i = 0; i < 8; i++)
-        word |= (uint64_t)letters[i] << 8 * i;
-    return word;
+    return (uint64_t)l[0] | (uint64_t)l[1] << 8 | (uint64_t)l[2] << 16 | (uint64_t)l[3] << 24 |
+           (uint64_t)l[4] << 32 | (uint64_t)l[5] << 40 | (uint64_t)l[6] << 48 |
+           (uint64_t)l[7] << 56;
 }
 
-/* The next eight letters, the first one lowest; blanks beyond the end of the text. */
-static uint64_t eight_letters(const Scan *scan)
+/* The next eight letters; blanks beyond the end of the text. */
+static inline uint64_t eight_letters(const char *at, const char *end)
 {
-    if (scan->end - scan->at >= 8)
-        return little_endian((const unsigned char *)scan->at);
+    if (end - at >= 8)
+        return joined((const unsigned char *)at);
     unsigned char letters[8] = "        ";
-    memcpy(letters, scan->at, (size_t)(scan->end - scan->at));
-    return little_endian(letters);
+    memcpy(letters, at, (size_t)(end - at));
+    return joined(letters);
 }
 
-/* Read up to eight digits at once; `value` gets their number. Returns how many there were. */
-static int read_digits(Scan *scan, uint64_t *value)
+/* Read up to eight digits at once. Returns how many there were; `value` gets their number. */
+static inline int read_digits(const char *at, const char *end, uint64_t *value)
 {
     const uint64_t every = 0x0101010101010101u, pairs = 0x000000ff000000ffu;
-    uint64_t word = eight_letters(scan) ^ '0' * every;
+    uint64_t word = eight_letters(at, end) ^ '0' * every;
     const uint64_t others = ((word + (0x7f - 9) * every) | word) & 0x80 * every;
     /* every letter below the first that is no digit leaves a one, and the ones are summed up */
     const uint64_t below = ((others & (0 - others)) >> 7) - 1;
@@ -103,31 +104,33 @@ static int read_digits(Scan *scan, uint64_t *value)
     const uint64_t high = (word & pairs) * (100 + ((uint64_t)1000000 << 32));
     const uint64_t low = (word >> 16 & pairs) * (1 + ((uint64_t)10000 << 32));
     *value = (high + low) >> 32;
-    scan->at += count;
     return count;
 }
 
-/* Read digits on to a mantissa that has `digits` of them; 0 if they get too many for 64 bits. */
-static int extend(Scan *scan, uint64_t *mantissa, int *digits)
+/* Read all digits on to a mantissa that has `before` of them.
+
+   Returns how many there were; -1 if the mantissa might get too long for 64 bits. */
+static inline int extend(const char *at, const char *end, uint64_t *mantissa, int before)
 {
     uint64_t more;
-    int count;
+    int digits = 0, count;
     do {
-        if (*digits > MOST_DIGITS - 8)
-            return 0;
-        count = read_digits(scan, &more);
+        if (before + digits > MOST_DIGITS - 8)
+            return -1;
+        count = read_digits(at + digits, end, &more);
         *mantissa = *mantissa * word_powers[count] + more;
-        *digits += count;
+        digits += count;
     } while (count == 8);
-    return 1;
+    return digits;
 }
 
-/* Convert one word as Python's float() does, from its start; 0 if it is no finite number. */
-static int read_any_number(Scan *scan, const char *start, double *number)
+/* Convert one word as Python's float() does; 0 if it is no finite number. */
+static int read_any_number(Scan *scan, double *number)
 {
-    while (!is_end_of_word(scan))
-        scan->at++;
+    const char *start = scan->at;
     char *stop = NULL;
+    while (!is_end_of_word(scan->at, scan->end))
+        scan->at++;
     PyEval_RestoreThread(scan->thread);
     *number = PyOS_string_to_double(start, &stop, NULL); /* the text ends in a NUL */
     PyErr_Clear();
@@ -139,43 +142,47 @@ static int read_any_number(Scan *scan, const char *start, double *number)
 
    The mantissa and the power of ten are both doubles without error, so the one operation on
    them is the only rounding. Whatever is longer goes the slow way. */
-static int read_number(Scan *scan, double *number)
+static inline int read_number(Scan *scan, double *number)
 {
-    const char *start = scan->at;
-    const int negative = *start == '-';
-    scan->at += negative || *start == '+';
+    const char *at = scan->at, *const end = scan->end;
     uint64_t mantissa = 0, exponent = 0;
-    int digits = 0, power = 0;
-    if (!extend(scan, &mantissa, &digits))
-        return read_any_number(scan, start, number);
-    if (scan->at < scan->end && *scan->at == '.') {
-        const int whole = digits;
-        scan->at++;
-        if (!extend(scan, &mantissa, &digits))
-            return read_any_number(scan, start, number);
-        power = whole - digits;
+    const int negative = *at == '-'; /* half of all are: nothing branches on it */
+    at += negative | (*at == '+');
+    int power = 0, digits = extend(at, end, &mantissa, 0);
+    if (digits < 0)
+        return read_any_number(scan, number);
+    at += digits;
+    if (at < end && *at == '.') {
+        const int decimals = extend(++at, end, &mantissa, digits);
+        if (decimals < 0)
+            return read_any_number(scan, number);
+        at += decimals;
+        digits += decimals;
+        power = -decimals;
     }
     if (digits == 0)
         return 0;
-    if (scan->at < scan->end && (*scan->at | 32) == 'e') {
-        scan->at++;
-        const int below = scan->at < scan->end && *scan->at == '-';
-        scan->at += below || (scan->at < scan->end && *scan->at == '+');
-        const int count = read_digits(scan, &exponent);
+    if (at < end && (*at | 32) == 'e') {
+        at++;
+        const int below = at < end && *at == '-';
+        at += below || (at < end && *at == '+');
+        const int count = read_digits(at, end, &exponent);
         if (count == 8)
-            return read_any_number(scan, start, number);
+            return read_any_number(scan, number);
         if (count == 0)
             return 0;
+        at += count;
         power += below ? -(int)exponent : (int)exponent;
     }
-    if (!is_end_of_word(scan))
+    if (!is_end_of_word(at, end))
         return 0;
     if (mantissa > (uint64_t)1 << DBL_MANT_DIG || power > EXACT_POWER || power < -EXACT_POWER ||
         FLT_EVAL_METHOD != 0)
-        return read_any_number(scan, start, number);
+        return read_any_number(scan, number);
     const double value = (double)(int64_t)mantissa;
     const double size = power < 0 ? value / float_powers[-power] : value * float_powers[power];
-    *number = negative ? -size : size;
+    *number = size * signs[negative];
+    scan->at = at;
     return 1;
 }
 
@@ -202,7 +209,7 @@ static int read_frame_number(Scan *scan, int64_t expected)
             return 0;
         number = 10 * number + (*scan->at - '0');
     }
-    return scan->at > start && is_end_of_word(scan) && number == expected && next_line(scan);
+    return scan->at > start && is_end_of_word(scan->at, scan->end) && number == expected && next_line(scan);
 }
 
 typedef struct {
@@ -225,7 +232,7 @@ static int read_bones(Scan *scan, const Table *table, double *row)
             memcmp(scan->at, table->names + table->name_bounds[b], length) != 0)
             return 0;
         scan->at += length;
-        if (!is_end_of_word(scan) ||
+        if (!is_end_of_word(scan->at, scan->end) ||
             !read_numbers(scan, (Py_ssize_t)(table->bounds[b + 1] - table->bounds[b]),
                           table->targets + table->bounds[b], table->scales + table->bounds[b], row))
             return 0;
