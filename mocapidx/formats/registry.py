@@ -24,6 +24,7 @@ READERS: Final[dict[str, Callable[[Path, Path | None, Limits], Recording | Point
     ".trc": lambda path, _, limits: read_trc(path, limits),
 }
 FARTHEST: Final = 1e9  # file units
+PIECE: Final = 4_096  # frames looked at together
 TOO_FAR: Final = "is more than 1e9 units away; is the file damaged?"
 SUFFIXES: Final = frozenset(READERS)
 
@@ -122,9 +123,10 @@ def _check_lengths(path: Path, recording: Recording) -> None:
     far = np.argwhere(np.abs(recording.skeleton.offsets) > FARTHEST)
     if len(far):
         raise FormatError(f"{place(path)}: joint '{shown(names[far[0][0]])}' {TOO_FAR}")
-    values = recording.values
-    farthest = np.maximum(values.max(axis=0, initial=0), -values.min(axis=0, initial=0))
-    for column in np.flatnonzero((farthest > FARTHEST) & (recording.channel_kinds < 3)):
-        frame = int(np.argmax(np.abs(values[:, column]) > FARTHEST))
-        name = shown(names[recording.channel_nodes[column]])
-        raise FormatError(f"{place(path)}: frame {frame}: joint '{name}' {TOO_FAR}")
+    moving = np.flatnonzero(recording.channel_kinds < 3)
+    for at in range(0, len(recording.values), PIECE):
+        far = np.argwhere(np.abs(recording.values[at : at + PIECE, moving]) > FARTHEST)
+        if len(far):
+            frame, column = far[0].tolist()
+            name = shown(names[recording.channel_nodes[moving[column]]])
+            raise FormatError(f"{place(path)}: frame {at + frame}: joint '{name}' {TOO_FAR}")
