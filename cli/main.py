@@ -26,6 +26,7 @@ COMMANDS = {
     "annotate": ("annotate:annotate", "Say which motion class occurs when."),
     "template": ("template:template", "Look at motion templates and change them by hand."),
     "evaluate": ("evaluate:evaluate", "Measure hits or annotations against labels."),
+    "blend": ("blend:blend", "Make new motion from found motion: steered blends."),
     "plot": ("plot:plot", "Draw features, lists, templates, distances, annotations."),
     "report": ("report:report", "Write a page on which hits and annotations move."),
     "export": ("export:export", "Cut hits out of their motion files, a clip each."),
