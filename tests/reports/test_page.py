@@ -12,53 +12,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mocapidx.features.featureset import load_feature_set
-from mocapidx.reports.page.content import (
-    PageContent,
-    PageCurve,
-    PageDocument,
-    PageFeature,
-    PageHit,
-    PagePiece,
-    PageReference,
-)
+from mocapidx.reports.page.content import PageCurve
 from mocapidx.reports.page.encode import UNKNOWN, encode_content, encode_poses
 from mocapidx.reports.page.html import PROGRAMS, page_html
 from mocapidx.reports.page.stills import still_picture
 from mocapidx.skeleton.joints import CANONICAL_JOINTS, INDEX
+from tests.made_page import ODD, content, standing
 
 ROOT = Path(__file__).parents[2]
 STATIC = ROOT / "mocapidx" / "reports" / "page" / "static"
-ODD = '</script><script>alert("1")</script> {{data}} \x1b[2J \udc80 \u202e \' & 中'
-
-
-def standing(frames=30, move=0.01):
-    """Poses of somebody who stands with spread arms and glides to the side."""
-    pose = np.zeros((24, 3), np.float32)
-    heights = {"ankle": 0.1, "toes": 0.05, "knee": 0.5, "hip": 0.95, "headtop": 1.8, "head": 1.6}
-    for name, joint in INDEX.items():
-        side = {"l": 1.0, "r": -1.0}.get(name[0], 0.0) if name != "root" else 0.0
-        kind = name[1:] if side else name
-        pose[joint] = (0.15 * side, heights.get(kind, 1.3), 0.0)
-    away = np.arange(frames, dtype=np.float32)[:, None] * np.float32([move, 0, 0])
-    return pose + away[:, None, :]
-
-
-def content(name="walk/a.bvh", label="walk", **changes):
-    words = (np.arange(30) % 5).astype(np.uint64) | np.uint64(1 << 37)
-    piece = PagePiece(10, standing(), words)
-    costs = np.full(60, np.inf, np.float32)
-    costs[20:] = 0.05
-    document = PageDocument(name, 60, 0b100, 0.0, 1.0, (piece,), (PageCurve(label, 0.06, costs),))
-    hits = (
-        PageHit(0, label, 0.01, 12, 22, 1, None),
-        PageHit(0, label, 0.02, 22, 40, 2, 0, tuple(range(18))),
-    )
-    features = tuple(
-        PageFeature(each.id, each.name, each.part) for each in load_feature_set("f39").features
-    )
-    made = PageContent(label, 30.0, features, (document,), hits, (PageReference(label, hit=0),))
-    return dataclasses.replace(made, **changes)
 
 
 def data_of(page):
