@@ -35,10 +35,10 @@ TILE: Final = 512
 METRES_A_STEP: Final = 1e-4
 """Distances in grids are whole numbers of these, up to 6.5 m: sums of them are exact."""
 
-HEIGHTS: Final = np.array(
-    (0.95, 0.9, 0.5, 0.1, 0.05, 0.9, 0.5, 0.1, 0.05, 1.05, 1.2, 1.4, 1.45, 1.55)
-    + (1.65, 1.4, 1.4, 1.15, 0.95, 0.9, 1.4, 1.15, 0.95, 0.9)
-)
+HEIGHTS: Final = np.array([
+    0.95, 0.9, 0.5, 0.1, 0.05, 0.9, 0.5, 0.1, 0.05, 1.05, 1.2, 1.4,
+    1.45, 1.55, 1.65, 1.4, 1.4, 1.15, 0.95, 0.9, 1.4, 1.15, 0.95, 0.9,
+])  # fmt: skip
 """What is taken off the joints' heights, in metres. Any would do; small rests round less."""
 
 
@@ -159,7 +159,7 @@ def distance_tiles(
 
 
 def _tile(rows: Clouds, tall: slice, columns: Clouds, wide: slice) -> NDArray[np.float32]:
-    along = rows.floor[tall] @ columns.floor[wide].T
+    along: NDArray[np.float32] = rows.floor[tall] @ columns.floor[wide].T
     across = rows.floor[tall] @ columns.turned[wide].T
     np.multiply(along, along, out=along)
     np.multiply(across, across, out=across)
@@ -170,7 +170,8 @@ def _tile(rows: Clouds, tall: slice, columns: Clouds, wide: slice) -> NDArray[np
     along += rows.energy[tall, None]
     along += columns.energy[wide]
     np.maximum(along, np.float32(0), out=along)
-    return np.sqrt(along, out=along)
+    np.sqrt(along, out=along)
+    return along
 
 
 def distance_grid(

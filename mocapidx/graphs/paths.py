@@ -5,7 +5,7 @@ bridges join chains that lie close together. The work is done in C where it was 
 `mocapidx.graphs.paths_numpy`, with the same outcome.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -17,7 +17,7 @@ from mocapidx.graphs.paths_numpy import find_paths_numpy
 from mocapidx.kernels.choice import compiled
 from mocapidx.model import IndexArray
 
-__all__ = ["GridPaths", "PathRules", "empty_paths", "find_paths"]
+__all__ = ["GridPaths", "PathRules", "empty_paths", "find_paths", "reordered"]
 
 MOST_SLOPE: Final = 8
 MOST_REACH: Final = 120
@@ -95,7 +95,7 @@ class GridPaths:
         Distances of the cells.
     ends : ndarray of int32, shape (bridges, 4)
         Of each bridge: the chain it leaves and the number of the cell in that chain, the chain
-        it comes to and the number of the cell there. Bridges are ordered by the first.
+        it comes to and the number of the cell there. Ordered by all four.
     inner_cells : ndarray of int32, shape (M, 2)
         What lies between the ends, bridges end to end; a bridge of neighbours has nothing.
     inner_starts : ndarray of int64, shape (bridges + 1,)
@@ -153,12 +153,39 @@ def find_paths(
     if kernel is None:
         cells, starts, ends, inner, inner_starts = find_paths_numpy(grid, diagonal, *limits)
     else:
-        found = kernel.find_paths(grid, *grid.shape, diagonal, *limits)
+        parts = kernel.find_paths(grid, *grid.shape, diagonal, *limits)
         kinds = (np.int32, np.int64, np.int32, np.int32, np.int64)
-        cells, starts, ends, inner, inner_starts = map(np.frombuffer, found, kinds)
+        cells, starts, ends, inner, inner_starts = map(np.frombuffer, parts, kinds)
     cells, ends, inner = cells.reshape(-1, 2), ends.reshape(-1, 4), inner.reshape(-1, 2)
     values, inner_values = grid[*cells.T], grid[*inner.T]
-    return GridPaths(cells, starts, values, ends, inner, inner_starts, inner_values)
+    found = GridPaths(cells, starts, values, ends, inner, inner_starts, inner_values)
+    return reordered(found, np.lexsort(ends.T[::-1]))
+
+
+def reordered(paths: GridPaths, order: IndexArray) -> GridPaths:
+    """Give the paths with some of their bridges, in another order.
+
+    Parameters
+    ----------
+    paths : GridPaths
+    order : ndarray of int64
+        Numbers of the bridges that are to be kept.
+
+    Returns
+    -------
+    GridPaths
+    """
+    lengths = np.diff(paths.inner_starts)[order]
+    inner_starts = np.concatenate(([0], np.cumsum(lengths))).astype(np.int64)
+    shift = np.repeat(paths.inner_starts[:-1][order] - inner_starts[:-1], lengths)
+    kept = np.arange(inner_starts[-1]) + shift
+    return replace(
+        paths,
+        ends=paths.ends[order],
+        inner_cells=paths.inner_cells[kept],
+        inner_starts=inner_starts,
+        inner_values=paths.inner_values[kept],
+    )
 
 
 def _limits(rate: float, rules: PathRules) -> tuple[int, int, int, int, bool, bool, bool]:

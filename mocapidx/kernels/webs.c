@@ -101,7 +101,7 @@ static void mark_rows(const Web *web, const uint16_t *grid, Py_ssize_t rows, Py_
 static int mark(Web *web, int diagonal_known, Py_ssize_t diagonal)
 {
     Py_ssize_t rows = web->rows, columns = web->columns;
-    uint16_t *turned = malloc((size_t)rows * (size_t)columns * sizeof *turned);
+    uint16_t *turned = calloc((size_t)rows * (size_t)columns, sizeof *turned);
     uint8_t *turned_marks = calloc((size_t)rows * (size_t)columns, 1);
     if (!turned || !turned_marks) {
         free(turned);
@@ -551,5 +551,5 @@ static struct PyModuleDef definition = {
 
 PyMODINIT_FUNC PyInit__webs(void)
 {
-    return PyModule_Create(&definition);
+    return PyModuleDef_Init(&definition);
 }
