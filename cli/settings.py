@@ -106,7 +106,7 @@ def _names(param: click.Parameter) -> list[str]:
     """Name a parameter as a settings file does: an option without its dashes, or the store."""
     if isinstance(param, click.Option):
         return [name[2:] for name in param.opts if name.startswith("--")]
-    return ["store"] if param.name == "store" else []
+    return ["store"] if param.name == "store" and param.nargs == 1 else []
 
 
 def _value(param: click.Parameter, key: str, value: Any, settings: "Settings", section: str) -> Any:
@@ -117,6 +117,8 @@ def _value(param: click.Parameter, key: str, value: Any, settings: "Settings", s
             raise ParameterError(f"{place}: expected true or false, got '{shown(value)}'")
         return given(param) if value else None
     several = getattr(param, "multiple", False) or param.nargs != 1
+    if several and param.nargs == 1 and isinstance(value, (str, int, float)):
+        value = value if isinstance(value, bool) else [value]
     if isinstance(value, bool) or isinstance(value, list) != several:
         expected = "a list" if several else "a text or a number"
         raise ParameterError(f"{place}: expected {expected}, got '{shown(value)}'")
