@@ -181,6 +181,8 @@ def sentence(summary: "IndexSummary", store: Path) -> str:
     if summary.passed_over:
         files = count(summary.passed_over, "file")
         parts.append(f"{files} of other kinds passed over")
+    if summary.gaps_filled or summary.gaps_left:
+        parts.append(f"gaps: {summary.gaps_filled} filled, {summary.gaps_left} left open")
     minutes = summary.frames / summary.rate / 60
     read = "nothing to read"
     if summary.frames:

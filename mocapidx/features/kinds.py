@@ -50,6 +50,8 @@ class Kind:
         formula has a plane normal, two joints change places to flip it.
     same : tuple of tuple of int
         Other orders of the joints that give the same value.
+    of_all : bool
+        Whether all joints of a pose count, not only those that the formula names.
     """
 
     value: Callable[..., FloatArray]
@@ -58,6 +60,7 @@ class Kind:
     apart: tuple[tuple[int, int], ...] = ()
     mirror: tuple[int, ...] = ()
     same: tuple[tuple[int, ...], ...] = ()
+    of_all: bool = False
 
 
 def _plane(poses: Poses, j1: str, j2: str, j3: str, j4: str) -> FloatArray:
@@ -176,8 +179,8 @@ KINDS: Final[dict[str, Kind]] = {
         same=((1, 0, 2, 3), (0, 1, 3, 2), _BOTH_TURNED),
     ),
     "fast": Kind(_fast, 1, "speed"),
-    "height": Kind(_height, 1, "length"),
+    "height": Kind(_height, 1, "length", of_all=True),
     "touch": Kind(_touch, 2, "length", apart=((0, 1),), same=((1, 0),)),
-    "extent_y": Kind(_extent_y, 0, "length"),
-    "extent_xz": Kind(_extent_xz, 0, "length"),
+    "extent_y": Kind(_extent_y, 0, "length", of_all=True),
+    "extent_xz": Kind(_extent_xz, 0, "length", of_all=True),
 }

@@ -4,7 +4,7 @@ import itertools
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Final, Literal
@@ -24,7 +24,7 @@ from mocapidx.tasks.read import ReadOptions
 from mocapidx.tasks.records import HIT_COLUMNS, Record, hit_record
 from mocapidx.tasks.segment_sources import untrusted_mask
 from mocapidx.tasks.sources import Source, find_sources
-from mocapidx.tasks.store_words import WordBatch, check_store, store_batches
+from mocapidx.tasks.store_words import WordBatch, check_store, cut_at_gaps, store_batches
 from mocapidx.templates.file import load_templates
 from mocapidx.templates.match import find_hits, match_documents
 from mocapidx.templates.path import UNKNOWN_COST, annotate_words, loop_bank
@@ -278,14 +278,20 @@ def _annotate(work: _Work, item: Source | WordBatch) -> _Done | Refused:
         np.array([0, len(prepared.words)]),
         untrusted_mask(prepared.document),
     )
-    return _done(work, batch, prepared.assumed_rate)
+    pieces = [_done(work, piece, prepared.assumed_rate) for piece in cut_at_gaps(batch)]
+    annotations = tuple(found for piece in pieces for found in piece.annotations)
+    return replace(pieces[0], annotations=annotations, frames=len(batch.words))
 
 
 def _done(work: _Work, batch: WordBatch, assumed_rate: bool) -> _Done:
     find = _path_annotations if work.options.method == "path" else _hit_annotations
     return _Done(
         annotations=tuple(find(work, batch)),
-        documents=tuple(document.name for document in batch.documents),
+        documents=tuple(
+            document.name
+            for document, first in zip(batch.documents, batch.starts.tolist(), strict=True)
+            if first == 0  # one of several pieces
+        ),
         frames=len(batch.words),
         assumed_rate=assumed_rate,
     )
@@ -299,10 +305,12 @@ def _path_annotations(work: _Work, batch: WordBatch) -> Iterator[Annotation]:
         trusted=((1 << len(work.feature_set.ids)) - 1) & ~batch.untrusted,
     )
     unknown = None if work.options.fill else UNKNOWN_COST
-    spans = zip(batch.documents, itertools.pairwise(batch.bounds.tolist()), strict=True)
-    for document, (start, stop) in spans:
+    spans = itertools.pairwise(batch.bounds.tolist())
+    firsts = batch.starts.tolist()
+    for document, first, (start, stop) in zip(batch.documents, firsts, spans, strict=True):
         for found in annotate_words(batch.words[start:stop], bank, unknown_cost=unknown):
-            hit = make_hit(document, found.start, found.end, work.rate, found.cost, found.label)
+            span = first + found.start, first + found.end
+            hit = make_hit(document, *span, work.rate, found.cost, found.label)
             yield Annotation(hit, found.repetitions)
 
 
@@ -327,8 +335,9 @@ def _hit_annotations(work: _Work, batch: WordBatch) -> Iterator[Annotation]:
             beaten = beaten_by_rivals(starts, ends, ratios, classes)
         for (start, end, cost, _, number), lost in zip(rows, beaten.tolist(), strict=True):
             if not lost:
-                record = batch.documents[document]
-                hit = make_hit(record, start, end, work.rate, cost, labels[number])
+                record, first = batch.documents[document], int(batch.starts[document])
+                span = first + start, first + end
+                hit = make_hit(record, *span, work.rate, cost, labels[number])
                 yield Annotation(hit, 1.0)
 
 

@@ -22,6 +22,7 @@ from mocapidx.store.read import Snapshot, open_store
 from mocapidx.tasks.hits import make_hit
 from mocapidx.tasks.records import Record, hit_record
 from mocapidx.tasks.segment_sources import document_groups, segment_source, store_feature_set
+from mocapidx.tasks.unspecified import told
 from mocapidx.tasks.where import meeting
 
 __all__ = [
@@ -244,10 +245,13 @@ def ask(
 
 
 def _answer(place: LookedAt, found: GroupHits, label: str, mirrored: bool) -> Answer:
-    bounds = found.bounds
+    bounds, documents = found.bounds, found.documents
+    if found.pattern is not None:
+        clear = told(place.file.documents, documents, bounds[:, [0, -1]], found.pattern.mask)
+        bounds, documents = bounds[clear], documents[clear]
     return Answer(
         place,
-        found.documents,
+        documents,
         bounds[:, [0, -1]],
         label,
         mirrored,

@@ -9,9 +9,8 @@ from typing import Final
 import numpy as np
 
 from mocapidx.errors import FormatError, ParameterError
-from mocapidx.features.extract import extract_features, untrusted_features
 from mocapidx.features.featureset import FeatureSet
-from mocapidx.features.words import pack_words
+from mocapidx.features.unspecified import Unspecified, feature_words, unspecified_within
 from mocapidx.model import FloatArray, WordArray
 from mocapidx.printable import shown
 from mocapidx.skeleton.joints import CANONICAL_JOINTS
@@ -22,6 +21,7 @@ from mocapidx.store.schema import FRAME_WORDS
 from mocapidx.tasks.read import ReadOptions, read_take
 from mocapidx.tasks.segment_sources import untrusted_mask
 from mocapidx.tasks.stored import stored_poses
+from mocapidx.tasks.unspecified import unspecified_in
 
 __all__ = [
     "Example",
@@ -72,11 +72,18 @@ class Frames:
         Mask of the features that the skeleton can't tell.
     poses : ndarray of float64, shape (T, 24, 3), or None
         In metres; joints that the skeleton lacks are NaN. None: the store keeps none.
+    unspecified : tuple of (int, int, int)
+        Stretches in which further features can't be told.
     """
 
     words: WordArray
     untrusted: int
     poses: FloatArray | None
+    unspecified: Unspecified = ()
+
+    def untrusted_in(self, start: int, end: int) -> int:
+        """Return the mask of the features that can't be told throughout a stretch."""
+        return self.untrusted | unspecified_within(self.unspecified, start, end)
 
 
 def parse_example(text: str) -> Example:
@@ -198,10 +205,9 @@ def frames_of_file(
         If the file can't be used.
     """
     motion = resample_motion(read_take(path, options).motion, rate)
-    words = pack_words(extract_features(motion, feature_set, rate))
-    untrusted = untrusted_features(motion, feature_set)
+    told = feature_words(motion, feature_set)
     poses = forget_joints(motion.positions.astype(np.float64), motion.made)
-    return Frames(words & ~np.uint64(untrusted), untrusted, poses)
+    return Frames(told.words, told.untrusted, poses, told.unspecified)
 
 
 def frames_of_document(store: Snapshot, placed: Placed) -> Frames:
@@ -229,7 +235,9 @@ def frames_of_document(store: Snapshot, placed: Placed) -> Frames:
         poses = forget_joints(
             stored_poses(store, placed).astype(np.float64), document.rig.get("made", ())
         )
-    return Frames(words.astype(np.uint64), untrusted_mask(document), poses)
+    return Frames(
+        words.astype(np.uint64), untrusted_mask(document), poses, unspecified_in(document)
+    )
 
 
 def forget_joints(positions: FloatArray, made: object) -> FloatArray:

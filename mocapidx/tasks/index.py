@@ -117,6 +117,8 @@ class IndexSummary:
         What looks wrong about skeletons, with the document's name before it.
     doubled : list of (str, str)
         Names of documents that are one file.
+    gaps_filled, gaps_left : int
+        Gaps of points in the files read.
     frames : int
         Frames read, at the store's rate.
     rate : float
@@ -133,6 +135,8 @@ class IndexSummary:
     assumed_rate: list[str] = field(default_factory=list)
     oddities: list[str] = field(default_factory=list)
     doubled: list[tuple[str, str]] = field(default_factory=list)
+    gaps_filled: int = 0
+    gaps_left: int = 0
     frames: int = 0
     rate: float = RATE
     seconds: float = 0.0
@@ -334,6 +338,8 @@ def _index(
         else:
             batch.add(outcome)
             summary.frames += outcome.document.frames
+            summary.gaps_filled += outcome.gaps.filled
+            summary.gaps_left += outcome.gaps.left
             if outcome.assumed_rate:
                 summary.assumed_rate.append(outcome.document.name)
             name = shown(outcome.document.name)

@@ -13,8 +13,9 @@ from mocapidx.printable import shown
 from mocapidx.store.read import Snapshot, open_store
 from mocapidx.tasks.labels import Example, LabelFile, labels_from_names, place_labels, read_labels
 from mocapidx.tasks.parallel import MapFunction, mapping
-from mocapidx.tasks.segment_sources import store_feature_set, untrusted_mask
+from mocapidx.tasks.segment_sources import store_feature_set
 from mocapidx.tasks.store_words import check_store, document_words, store_batches
+from mocapidx.tasks.unspecified import untrusted_between
 from mocapidx.templates.classes import ClassMotion, LearnedClass, learn_class
 from mocapidx.templates.file import save_templates
 from mocapidx.templates.learn import SHORTEST_EXAMPLE
@@ -215,7 +216,7 @@ def _jobs(snapshot: Snapshot, labels: LabelFile, options: LearnOptions) -> list[
     clips = [
         Clip(
             by_document[example.document][example.start : example.end],
-            untrusted_mask(documents[example.document].document),
+            untrusted_between(documents[example.document].document, example.start, example.end),
         )
         for example in examples
     ]

@@ -17,8 +17,8 @@ from mocapidx.store.manifest import Placed
 from mocapidx.store.read import Snapshot
 from mocapidx.tasks.example import Example, find_example, part_of
 from mocapidx.tasks.read import ReadOptions, read_take
-from mocapidx.tasks.segment_sources import untrusted_mask
 from mocapidx.tasks.store_poses import read_shot
+from mocapidx.tasks.unspecified import untrusted_between
 from mocapidx.templates.oneshot import OneShot, flipping_distances
 
 __all__ = ["ExampleShot", "read_example"]
@@ -78,7 +78,7 @@ def read_example(
     rate = snapshot.manifest.settings.rate
     if placed is not None:
         start, end = _part(example, placed.document.frames, rate)
-        untrusted = untrusted_mask(placed.document)
+        untrusted = untrusted_between(placed.document, start, end)
         shot = _stored(snapshot, placed, start, end, feature_set)
     else:
         shot, untrusted = _from_file(example.path, feature_set, rate, options)

@@ -10,7 +10,8 @@ from mocapidx.store.manifest import Placed
 from mocapidx.store.read import Snapshot
 from mocapidx.store.schema import FRAME_WORDS
 from mocapidx.tasks.oneshot_example import ExampleShot
-from mocapidx.tasks.segment_sources import store_feature_set, untrusted_mask
+from mocapidx.tasks.segment_sources import store_feature_set
+from mocapidx.tasks.unspecified import untrusted_between
 from mocapidx.templates.classes import ClassMotion, learn_class
 from mocapidx.templates.file import save_templates
 from mocapidx.templates.template import DELTA, TemplateSet
@@ -74,7 +75,7 @@ def _clip(snapshot: Snapshot, placed: Placed, hit: Hit) -> Clip:
     start = placed.frame_offset + hit.start_frame
     end = placed.frame_offset + hit.end_frame
     words = snapshot.array(placed.file, FRAME_WORDS.path, start, end).astype(np.uint64)
-    return Clip(words, untrusted_mask(placed.document))
+    return Clip(words, untrusted_between(placed.document, hit.start_frame, hit.end_frame))
 
 
 def stretch_name(hit: Hit) -> str:

@@ -184,7 +184,8 @@ def _thinned(batch: WordBatch) -> WordBatch:
     spans = itertools.pairwise(batch.bounds.tolist())
     words = [batch.words[start:stop:COARSE] for start, stop in spans]
     bounds = np.concatenate(([0], np.cumsum([len(each) for each in words]))).astype(np.int64)
-    return WordBatch(batch.documents, batch.starts, np.concatenate(words), bounds, batch.untrusted)
+    starts = batch.starts // COARSE
+    return WordBatch(batch.documents, starts, np.concatenate(words), bounds, batch.untrusted)
 
 
 def _pieces(

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mocapidx.errors import FormatError
-from mocapidx.features.extract import extract_features, untrusted_features
 from mocapidx.features.featureset import FeatureSet
-from mocapidx.features.words import pack_words
+from mocapidx.features.unspecified import FeatureWords, feature_words
 from mocapidx.formats.registry import sources_of
 from mocapidx.model import WordArray
 from mocapidx.printable import shown
+from mocapidx.skeleton.gaps import FILLED, GapCounts
 from mocapidx.skeleton.resample import resample_motion, resampled_frames
 from mocapidx.store.manifest import Document, Rig
 from mocapidx.tasks.hits import SOURCE_START
@@ -25,6 +25,7 @@ from mocapidx.tasks.read import Limits, Reading, ReadOptions, read_take
 from mocapidx.tasks.segment_sources import UNTRUSTED
 from mocapidx.tasks.sources import Source
 from mocapidx.tasks.stored import REST, kept_rest
+from mocapidx.tasks.unspecified import keep_unspecified
 
 __all__ = ["Job", "Prepared", "Refused", "Unchanged", "is_unchanged", "prepare", "source_digest"]
 
@@ -59,6 +60,8 @@ class Prepared:
         Whether nothing says the source's rate.
     oddities : tuple of str
         What looks wrong about the skeleton, for people.
+    gaps : GapCounts
+        What was not seen of the points that it is read from.
     """
 
     document: Document
@@ -66,6 +69,7 @@ class Prepared:
     poses: NDArray[np.float32] | None
     assumed_rate: bool
     oddities: tuple[str, ...]
+    gaps: GapCounts
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,8 +149,7 @@ def prepare(job: Job) -> Outcome:
         message = f"{shown(path)}: changed while it was read; try again when it is whole"
         return Refused(job.source.name, message)
     motion = resample_motion(reading.motion, job.rate)
-    untrusted = untrusted_features(motion, job.feature_set)
-    words = pack_words(extract_features(motion, job.feature_set, job.rate))
+    told = feature_words(motion, job.feature_set)
     document = Document(
         name=job.source.name,
         root=job.source.root,
@@ -154,18 +157,19 @@ def prepare(job: Job) -> Outcome:
         digest=digest,
         size=stamps[0][0],
         mtime_ns=stamps[0][1],
-        frames=len(words),
+        frames=len(told.words),
         source_frames=reading.source_frames,
         source_rate=reading.motion.rate,
-        rig=_rig(reading, sources[1:], stamps[1:], job.options, untrusted),
+        rig=_rig(reading, sources[1:], stamps[1:], job.options, told),
         facts=job.facts,
     )
     return Prepared(
         document,
-        words & ~np.uint64(untrusted),
+        told.words,
         motion.positions.astype(np.float32) if job.poses else None,
         reading.rate_origin == "assumed",
         reading.conventions.warnings,
+        reading.gaps,
     )
 
 
@@ -185,18 +189,18 @@ def _rig(
     skeletons: tuple[Path, ...],
     stamps: list[list[int]],
     options: ReadOptions,
-    untrusted: int,
+    told: FeatureWords,
 ) -> Rig:
     rig: dict[str, Any] = dict(reading.conventions.to_dict())
     rig["rate_origin"] = reading.rate_origin
     rig[SOURCE_START] = reading.source_start
     rig["options"] = _told(options)
-    rig[UNTRUSTED] = f"{untrusted:x}"
+    rig[UNTRUSTED] = f"{told.untrusted:x}"
     if reading.motion.rest is not None:
         rig[REST] = kept_rest(reading.motion.rest)
     if skeletons:
         rig["skeleton"] = [os.path.abspath(skeletons[0]), *stamps[0]]
-    return rig
+    return keep_unspecified(rig, told.unspecified)
 
 
 def _told(options: ReadOptions) -> str:
@@ -207,9 +211,13 @@ def _told(options: ReadOptions) -> str:
 
 @lru_cache(maxsize=8)
 def _in_words(options: ReadOptions, stamp: tuple[int, ...]) -> str:
-    """Where its files are counts, not how that was said; limits change nothing that is read."""
+    """Where its files are counts, not how that was said; limits change nothing that is read.
+
+    What is new since stores are written counts only where it is said.
+    """
     skeleton = options.skeleton and Path(os.path.abspath(options.skeleton))
     words = repr(replace(options, skeleton=skeleton, joint_map=None, limits=Limits()))
+    words = words.replace(f", subject=None, fill_gaps={FILLED}", "")
     if options.joint_map is None:
         return words
     return f"{words}, joint map {source_digest((options.joint_map,))}"

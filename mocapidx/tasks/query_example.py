@@ -88,7 +88,7 @@ def load_example(
     # Cut after extraction: velocities and hysteresis then know what came before.
     start, end = part_of(example, len(read.words), archive.rate)
     poses = None if read.poses is None else read.poses[start:end]
-    return LoadedExample(example.label, read.words[start:end], poses, read.untrusted)
+    return LoadedExample(example.label, read.words[start:end], poses, read.untrusted_in(start, end))
 
 
 def mirror_example(example: LoadedExample, permutation: IndexArray) -> LoadedExample:

@@ -14,6 +14,7 @@ from mocapidx.queries.language import parse_short, pattern_from_steps
 from mocapidx.queries.pattern import Pattern, mirror_pattern, pattern_hits, restrict_pattern
 from mocapidx.queries.scene import Condition, Scene, join_scene, scene_spans
 from mocapidx.tasks.answers import Answer, Archive, Chosen, LookedAt
+from mocapidx.tasks.unspecified import told
 
 __all__ = [
     "ask_scene",
@@ -165,6 +166,8 @@ def _ask_file(place: LookedAt, scene: Scene, mode: str, label: str, mirrored: bo
             spans = np.unique(scene_spans(scene, own, joined), axis=0)
             documents = place.source.document_at(spans[:, 0])
             spans = spans - place.source.first[documents, np.newaxis]
+            clear = told(place.file.documents, documents, spans, scene_mask(scene))
+            documents, spans = documents[clear], spans[clear]
         pattern = scene.progressions[0] if able else None
         answers.append(
             Answer(

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mocapidx.errors import Interrupted, ParameterError, StoreError
-from mocapidx.features.extract import extract_features, untrusted_features
 from mocapidx.features.featureset import AnyFeatureSet, FeatureSet, load_feature_set
-from mocapidx.features.words import pack_words
+from mocapidx.features.unspecified import feature_words
 from mocapidx.model import WordArray
 from mocapidx.printable import shown
 from mocapidx.store.manifest import Document, Placed, StoreSettings
@@ -22,6 +21,7 @@ from mocapidx.tasks.batch import make_batch
 from mocapidx.tasks.index import BATCH_BYTES, IndexProgress
 from mocapidx.tasks.segment_sources import UNTRUSTED
 from mocapidx.tasks.stored import stored_motion
+from mocapidx.tasks.unspecified import UNSPECIFIED, keep_unspecified
 
 __all__ = ["ReindexSummary", "reindex_store"]
 
@@ -133,7 +133,7 @@ def _is_same(document: Document, known: dict[str, Document]) -> bool:
     other = known.get(document.name)
     if other is None:
         return False
-    rigs = [{**each.rig, UNTRUSTED: ""} for each in (document, other)]
+    rigs = [{**each.rig, UNTRUSTED: "", UNSPECIFIED: ""} for each in (document, other)]
     return rigs[0] == rigs[1] and replace(document, rig={}) == replace(other, rig={})
 
 
@@ -149,11 +149,13 @@ def _fill(
     size = 0
     for done, entry in enumerate(entries, start=1):
         motion = stored_motion(old, entry)
-        untrusted = untrusted_features(motion, feature_set)
-        words = pack_words(extract_features(motion, feature_set, motion.rate))
-        rig = {**entry.document.rig, UNTRUSTED: f"{untrusted:x}"}
+        told = feature_words(motion, feature_set)
+        words = told.words
+        rig = keep_unspecified(
+            {**entry.document.rig, UNTRUSTED: f"{told.untrusted:x}"}, told.unspecified
+        )
         positions = motion.positions.astype(np.float32, copy=False)
-        batch.append((replace(entry.document, rig=rig), words & ~np.uint64(untrusted), positions))
+        batch.append((replace(entry.document, rig=rig), words, positions))
         size += words.nbytes + positions.nbytes
         if size >= batch_bytes:
             _commit(batch, feature_set, writer)

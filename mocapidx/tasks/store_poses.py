@@ -16,7 +16,7 @@ from mocapidx.skeleton.joints import CANONICAL_JOINTS
 from mocapidx.store.manifest import Placed
 from mocapidx.store.read import Snapshot
 from mocapidx.store.schema import FRAME_WORDS, POSES
-from mocapidx.tasks.segment_sources import untrusted_mask
+from mocapidx.tasks.unspecified import untrusted_between
 from mocapidx.templates.oneshot import OneShot, flipping_distances
 from mocapidx.templates.sigma import Sample
 
@@ -79,7 +79,7 @@ def read_sample(
     read = _read(snapshot, placed, start, end, feature_set)
     values = feature_values(read.motion, feature_set, read.motion.rate)[read.inner]
     values[:, read.unknown] = np.nan
-    untrusted = untrusted_mask(placed.document)
+    untrusted = untrusted_between(placed.document, start, end)
     return Sample(read.words, values, _distances(read, feature_set), untrusted)
 
 
@@ -93,7 +93,7 @@ def _read(
     words = snapshot.array(placed.file, FRAME_WORDS.path, offset + start, offset + end)
     poses = snapshot.array(placed.file, POSES.path, offset + first, offset + last)
     features = len(feature_set.features)
-    untrusted = untrusted_mask(placed.document)
+    untrusted = untrusted_between(placed.document, start, end)
     return _Stretch(
         words.astype(np.uint64),
         unpack_words(words.astype(np.uint64), features),

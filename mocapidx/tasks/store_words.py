@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -15,10 +15,18 @@ from mocapidx.store.manifest import Document, Placed, SegmentFile
 from mocapidx.store.read import Snapshot
 from mocapidx.store.schema import FRAME_WORDS
 from mocapidx.tasks.segment_sources import untrusted_mask
+from mocapidx.tasks.unspecified import UNSPECIFIED, specified_pieces
 from mocapidx.templates.keyframes import Pieces
 from mocapidx.templates.template import TemplateSet
 
-__all__ = ["WordBatch", "check_store", "document_words", "piece_batches", "store_batches"]
+__all__ = [
+    "WordBatch",
+    "check_store",
+    "cut_at_gaps",
+    "document_words",
+    "piece_batches",
+    "store_batches",
+]
 
 BATCH_FRAMES: Final = 1 << 19
 """Frames that are read and matched together: 4 MiB of words."""
@@ -69,6 +77,34 @@ class WordBatch:
         )
 
 
+def cut_at_gaps(batch: WordBatch) -> Iterator[WordBatch]:
+    """Cut documents where what can be told of them changes, so that no match goes across.
+
+    Parameters
+    ----------
+    batch : WordBatch
+
+    Yields
+    ------
+    WordBatch
+        The same one where no document has gaps; else one for each mask.
+    """
+    if not any(UNSPECIFIED in document.rig for document in batch.documents):
+        yield batch
+        return
+    lengths = np.diff(batch.bounds)
+    rows: dict[int, list[tuple[int, int, int]]] = {}
+    for number, document in enumerate(batch.documents):
+        first, length = int(batch.starts[number]), int(lengths[number])
+        for start, end, mask in specified_pieces(document):
+            low, high = max(start - first, 0), min(end - first, length)
+            if low < high:
+                rows.setdefault(mask, []).append((number, low, high))
+    for mask, pieces in rows.items():
+        numbers, starts, ends = np.array(pieces, dtype=np.int64).T
+        yield replace(batch.cut(numbers, starts, ends), untrusted=batch.untrusted | mask)
+
+
 def check_store(store: Snapshot, templates: TemplateSet) -> None:
     """Refuse a store of another feature set or rate than the templates.
 
@@ -110,7 +146,7 @@ def store_batches(store: Snapshot) -> Iterator[WordBatch]:
             live, lambda p: (p.frame_offset // BATCH_FRAMES, untrusted_mask(p.document))
         )
         for (_, untrusted), piece in pieces:
-            yield _batch(store, list(piece), untrusted)
+            yield from cut_at_gaps(_batch(store, list(piece), untrusted))
 
 
 def _batch(store: Snapshot, piece: Sequence[Placed], untrusted: int) -> WordBatch:
@@ -150,13 +186,14 @@ def piece_batches(
         start, stop = int(lows[first]), int(highs[last - 1])
         words = _words(store, file, start, stop)
         owners, frames = expand_ranges(lows[some] - start, highs[some] - start)
-        yield WordBatch(
+        batch = WordBatch(
             tuple(file.documents[number] for number in pieces.documents[some].tolist()),
             pieces.starts[some],
             words[frames],
             np.searchsorted(owners, np.arange(last - first + 1)),
             untrusted,
         )
+        yield from cut_at_gaps(batch)
 
 
 def document_words(store: Snapshot, documents: Iterable[Placed]) -> list[WordArray]:

@@ -105,4 +105,4 @@ def _cut(name: str, example: Example, frames: Frames, rate: float) -> Stretch:
     # Cut after extraction: velocities and hysteresis then know what came before.
     start, end = part_of(example, len(frames.words), rate)
     poses = None if frames.poses is None else frames.poses[start:end]
-    return Stretch(name, start, frames.words[start:end], frames.untrusted, poses)
+    return Stretch(name, start, frames.words[start:end], frames.untrusted_in(start, end), poses)
