@@ -56,13 +56,24 @@ def adaptive_hits(query: FuzzyQuery, source: Source) -> IndexArray:
     rarest = int(np.argmin(counts))
     if not counts[rarest]:
         return np.zeros((0, len(query.steps) + 1), np.int64)
-    by_table = all(part.prefers_table(rows) for part, rows in zip(parts, tables, strict=True))
-    if not by_table or not all(_is_product(step, parts) for step in query.steps):
+    walks = _walking_is_quicker(parts, tables, int(counts[rarest]))
+    if not walks or not all(_is_product(step, parts) for step in query.steps):
         return _join(query, source, rarest).T
     if _is_selection(query) and counts[rarest] * COMMON > sum(part.lists.runs for part in parts):
         values = np.concatenate([step.values for step in query.steps])
         return match_selection(parts, query.mask, values, rarest)
     return _walk(query, source, parts, tables, rarest).T
+
+
+def _walking_is_quicker(
+    parts: Sequence[PartSource], tables: Sequence[BoolArray], rarest: int
+) -> bool:
+    """Tell whether to look up what is around the runs of the rarest step, or to list all steps."""
+    walking = sum(part.lookup_cost(rarest * len(tables[0])) for part in parts)
+    listing = sum(
+        part.stretches_cost(row) for part, rows in zip(parts, tables, strict=True) for row in rows
+    )
+    return walking < listing
 
 
 def _is_selection(query: FuzzyQuery) -> bool:

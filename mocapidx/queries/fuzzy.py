@@ -49,12 +49,13 @@ def _shifted_intersection(query: FuzzyQuery, part: PartSource) -> IndexArray:
     order = np.argsort(counts, kind="stable").tolist()
     if not counts[order[0]]:
         return np.zeros((0, len(query.steps) + 1), np.int64)
-    if part.prefers_table(admitted):
+    others = np.any(admitted[order[1:]], axis=0)
+    if part.lookup_cost(int(counts[order[0]]) * len(order)) < part.listing_cost(others):
         hits = _by_table(part, admitted, order)
     else:
         hits = _by_lists(part, admitted, order)
     runs = hits[:, np.newaxis] + np.arange(len(query.steps) + 1)
-    return np.asarray(part.starts[runs], dtype=np.int64)
+    return part.starts.take(runs).astype(np.int64)
 
 
 def _by_lists(part: PartSource, admitted: BoolArray, order: list[int]) -> IndexArray:
@@ -74,9 +75,9 @@ def _by_table(part: PartSource, admitted: BoolArray, order: list[int]) -> IndexA
     """Give the first runs of the hits: unite the rarest step, look the others up."""
     hits = part.runs(admitted[order[0]]) - order[0]
     hits = hits[hits >= 0]
+    last = len(part.words) - 1  # a free number, which has no word
     for step in order[1:]:
-        ranks = part.ranks.take(hits + step, mode="clip")  # the last number is free: no word
-        hits = hits[admitted[step].take(ranks)]
+        hits = hits[admitted[step].take(part.ranks_at(np.minimum(hits + step, last)))]
         if not len(hits):
             break
     return hits
@@ -92,14 +93,14 @@ def _walk_from_rarest(query: FuzzyQuery, parts: Sequence[PartSource], source: So
         at = bounds[-1]
         kept = np.flatnonzero(at < _document_ends(source, at))
         kept = kept[step.contains(full_words(parts, at[kept]))]
-        following = [part.starts[runs_at(part, at[kept]) + 1] for part in parts]
+        following = [part.starts.take(runs_at(part, at[kept]) + 1) for part in parts]
         bounds = [column[kept] for column in bounds]
         bounds.append(np.min(following, axis=0).astype(np.int64))
     for step in query.steps[:rarest][::-1]:
         at = bounds[0]
         kept = np.flatnonzero(at > source.first[source.document_at(at)])
         kept = kept[step.contains(full_words(parts, at[kept] - 1))]
-        before = [part.starts[runs_at(part, at[kept] - 1)] for part in parts]
+        before = [part.starts.take(runs_at(part, at[kept] - 1)) for part in parts]
         bounds = [np.max(before, axis=0).astype(np.int64)] + [column[kept] for column in bounds]
     return np.stack(bounds, axis=1)
 

@@ -88,13 +88,13 @@ def _on_runs(
     no_word = len(part.lists.words)  # the rank of what lies between documents
     failed = np.zeros(len(hits), np.int64)
     for step in order:
-        ranks = part.ranks.take(hits + step)
+        ranks = part.ranks_at(hits + step)
         wrong = ~admitted[step].take(ranks)
         failed += wrong
         kept = (failed <= mismatches if may_fail[step] else ~wrong) & (ranks != no_word)
         hits, failed = hits[kept], failed[kept]
     runs = hits[:, np.newaxis] + np.arange(count + 1)
-    return np.asarray(part.starts[runs], dtype=np.int64)
+    return part.starts.take(runs).astype(np.int64)
 
 
 def _candidates(firsts: list[IndexArray], last: int) -> IndexArray:

@@ -99,10 +99,10 @@ def selected_segments(
 
 def _coarsen(part: PartSource, mask: int) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
     """Give start positions and words of the segments by the selected features of a sub-index."""
-    keys = part.words & np.uint32(mask | FREE_BIT)
+    keys = part.words.whole() & np.uint32(mask | FREE_BIT)
     changes = np.flatnonzero(keys[1:] != keys[:-1]) + 1
     changes = np.append(0, changes) if len(keys) else changes
-    return part.starts[changes], keys[changes]
+    return part.starts.whole()[changes], keys[changes]
 
 
 def _combine(

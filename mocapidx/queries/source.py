@@ -12,6 +12,7 @@ from mocapidx.features.words import part_words
 from mocapidx.index.build import PartRuns, build_runs, first_positions
 from mocapidx.index.postings import InvertedLists, encode_index, open_index
 from mocapidx.model import BoolArray, IndexArray, WordArray
+from mocapidx.queries.column import Column, column_of
 from mocapidx.queries.steps import FuzzySet
 
 __all__ = ["PartSource", "Source", "expand_ranges", "source_from_words"]
@@ -22,6 +23,12 @@ KEPT_LIST_COST = 300
 """Uniting a list that has been read with others, in the same measure."""
 LISTED_RUN_COST = 3
 """Writing out one run of the united lists."""
+JOINED_RUN_COST = 20
+"""Making one run of them part of a stretch, and meeting it with other stretches."""
+READ_COST = 3
+"""Reading a run's number from the store and checking it."""
+LOOKUP_COST = 10
+"""Looking up the word of a run by its number."""
 TABLE_BITS = 20
 """Sub-indexes with more features look words up by bisection."""
 
@@ -34,26 +41,16 @@ class PartSource:
     ----------
     mask : int
         The features of the sub-index.
-    read_starts, read_words : callable
-        Give the runs as in `mocapidx.index.build.PartRuns`; called once, when first needed.
+    starts, words : Column
+        Of the runs, as in `mocapidx.index.build.PartRuns`.
     open_lists : callable
         Gives the inverted lists; called once, when first needed.
     """
 
     mask: int
-    read_starts: Callable[[], NDArray[np.uint32]]
-    read_words: Callable[[], NDArray[np.uint32]]
+    starts: Column
+    words: Column
     open_lists: Callable[[], InvertedLists]
-
-    @cached_property
-    def starts(self) -> NDArray[np.uint32]:
-        """Start position of each run number, shape (R,)."""
-        return self.read_starts()
-
-    @cached_property
-    def words(self) -> NDArray[np.uint32]:
-        """The part's word of each run number, shape (R,)."""
-        return self.read_words()
 
     @cached_property
     def lists(self) -> InvertedLists:
@@ -63,15 +60,35 @@ class PartSource:
     @cached_property
     def ranks(self) -> NDArray[np.int32]:
         """The place of each run's word in the directory, shape (R,); W at free numbers."""
-        words, directory = self.words, self.lists.words
+        return self._ranked(self.words.whole())
+
+    def ranks_at(self, runs: IndexArray) -> NDArray[np.int32]:
+        """Give the ranks of some runs, by their numbers; -1 is the last one.
+
+        Parameters
+        ----------
+        runs : ndarray of int64, shape (N,)
+
+        Returns
+        -------
+        ndarray of int32, shape (N,)
+        """
+        if "ranks" in self.__dict__ or len(runs) * LOOKUP_COST > len(self.words):
+            return self.ranks.take(runs)
+        return self._ranked(self.words.take(runs))
+
+    def _ranked(self, words: NDArray[np.uint32]) -> NDArray[np.int32]:
         bits = self.mask.bit_count()
         if bits > TABLE_BITS:
-            ranks = np.searchsorted(directory, words).astype(np.int32)
-        else:
-            table = np.full((1 << bits) + 1, len(directory), np.int32)
-            table[directory] = np.arange(len(directory), dtype=np.int32)
-            ranks = table[np.minimum(words, np.uint32(1 << bits))]
-        return ranks
+            return np.searchsorted(self.lists.words, words).astype(np.int32)
+        return self._rank_table[np.minimum(words, np.uint32(1 << bits))]
+
+    @cached_property
+    def _rank_table(self) -> NDArray[np.int32]:
+        directory = self.lists.words
+        table = np.full((1 << self.mask.bit_count()) + 1, len(directory), np.int32)
+        table[directory] = np.arange(len(directory), dtype=np.int32)
+        return table
 
     def admitted(self, steps: Sequence[FuzzySet]) -> BoolArray:
         """Tell which words of the directory agree with each of some sets in this sub-index.
@@ -107,17 +124,28 @@ class PartSource:
         counts: IndexArray = admitted[..., :-1] @ self.lists.counts
         return counts
 
-    def prefers_table(self, admitted: BoolArray) -> bool:
-        """Tell whether to look runs up one by one rather than to unite lists of many words."""
-        return "ranks" in self.__dict__ or self._passing_is_quicker(np.any(admitted, axis=0))
-
-    def _passing_is_quicker(self, admitted: BoolArray) -> bool:
-        """Tell whether passing over all runs takes less time than the lists of these words."""
+    def listing_cost(self, admitted: BoolArray) -> float:
+        """Estimate what it takes to write out the runs of the admitted words, shape (W + 1,)."""
         indices = np.flatnonzero(admitted)
         runs = self.lists.counts[indices].sum()
         missing = self.lists.missing(indices)
-        cost = missing * LIST_COST + len(indices) * KEPT_LIST_COST + runs * LISTED_RUN_COST
-        return bool(cost > self.lists.runs)
+        return float(missing * LIST_COST + len(indices) * KEPT_LIST_COST + runs * LISTED_RUN_COST)
+
+    def stretches_cost(self, admitted: BoolArray) -> float:
+        """Estimate what it takes to find all stretches of the admitted words, shape (W + 1,)."""
+        runs = min(self.listing_cost(admitted), self.passing_cost())
+        return runs + float(self.counts(admitted)) * JOINED_RUN_COST
+
+    def passing_cost(self) -> float:
+        """Estimate what it takes to look at the word of every run."""
+        known = "ranks" in self.__dict__
+        return len(self.words) + (0 if known else READ_COST * self.words.unread(len(self.words)))
+
+    def lookup_cost(self, runs: int) -> float:
+        """Estimate what it takes to look up the words of so many runs, one by one."""
+        cost = LOOKUP_COST * runs
+        known = "ranks" in self.__dict__
+        return cost if known else cost + READ_COST * self.words.unread(runs)
 
     def bitmap(self, admitted: BoolArray) -> BitMap:
         """Unite the lists of the admitted words, shape (W + 1,), by equation 11."""
@@ -137,7 +165,7 @@ class PartSource:
         ndarray of int64, shape (N,)
             Run numbers.
         """
-        if self._passing_is_quicker(admitted):
+        if self.passing_cost() < self.listing_cost(admitted):
             return np.flatnonzero(admitted.take(self.ranks))
         return np.asarray(self.bitmap(admitted).to_array(), dtype=np.int64)
 
@@ -218,4 +246,4 @@ def source_from_words(words: Sequence[WordArray], masks: dict[str, int]) -> Sour
 
 
 def _part_in_memory(mask: int, runs: PartRuns, lists: InvertedLists) -> PartSource:
-    return PartSource(mask, lambda: runs.starts, lambda: runs.words, lambda: lists)
+    return PartSource(mask, column_of(runs.starts), column_of(runs.words), lambda: lists)

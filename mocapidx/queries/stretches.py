@@ -143,7 +143,7 @@ def _stretches_of_alike(step: FuzzySet, parts: list[PartSource], source: Source)
     stretches = Stretches(source.first, source.first + source.lengths)
     for i, place in enumerate(np.argsort(counts, kind="stable").tolist()):
         part, row = parts[place], rows[place]
-        if i and part.prefers_table(row[np.newaxis]):
+        if i and part.lookup_cost(len(stretches.starts)) < part.stretches_cost(row):
             stretches = _narrow(stretches, part, row)
         else:
             held = _stretches_of_part(part, row)
@@ -160,20 +160,21 @@ def _stretches_of_part(part: PartSource, admitted: BoolArray) -> Stretches:
     """Find the maximal stretches of admitted words in one sub-index, in positions."""
     runs = join_runs(part.runs(admitted))
     return Stretches(
-        part.starts[runs.starts].astype(np.int64), part.starts[runs.ends].astype(np.int64)
+        part.starts.take(runs.starts).astype(np.int64),
+        part.starts.take(runs.ends).astype(np.int64),
     )
 
 
 def _narrow(stretches: Stretches, part: PartSource, admitted: BoolArray) -> Stretches:
     """Keep of some stretches where a sub-index has admitted words; looks at no run elsewhere."""
     first = runs_at(part, stretches.starts)
-    last = np.searchsorted(part.starts, stretches.ends.astype(np.uint32), "left")
+    last = part.starts.search(stretches.ends)
     owners, runs = expand_ranges(first, last)
-    inside = np.flatnonzero(admitted.take(part.ranks.take(runs)))
+    inside = np.flatnonzero(admitted.take(part.ranks_at(runs)))
     owners, runs = owners[inside], runs[inside]
     return _join_touching(
-        np.maximum(part.starts[runs], stretches.starts[owners]),
-        np.minimum(part.starts[runs + 1], stretches.ends[owners]),
+        np.maximum(part.starts.take(runs), stretches.starts[owners]),
+        np.minimum(part.starts.take(runs + 1), stretches.ends[owners]),
     )
 
 
@@ -204,9 +205,9 @@ def split_stretches(
     """
     cuts = [stretches.starts]
     for part in parts:
-        first = np.searchsorted(part.starts, stretches.starts.astype(np.uint32), "right")
-        last = np.searchsorted(part.starts, stretches.ends.astype(np.uint32), "left")
-        cuts.append(part.starts[expand_ranges(first, last)[1]].astype(np.int64))
+        first = part.starts.search(stretches.starts, before=False)
+        last = part.starts.search(stretches.ends)
+        cuts.append(part.starts.take(expand_ranges(first, last)[1]).astype(np.int64))
     starts = np.sort(np.concatenate(cuts))
     starts = starts[np.flatnonzero(np.diff(starts, prepend=-1))]
     owners = np.searchsorted(stretches.starts, starts, "right") - 1
@@ -218,7 +219,7 @@ def split_stretches(
 
 def runs_at(part: PartSource, positions: IndexArray) -> IndexArray:
     """Give the run numbers of a sub-index that positions are in, shape (N,)."""
-    return np.searchsorted(part.starts, positions.astype(np.uint32), "right") - 1
+    return part.starts.search(positions, before=False) - 1
 
 
 def full_words(parts: Sequence[PartSource], positions: IndexArray) -> WordArray:
@@ -238,7 +239,7 @@ def full_words(parts: Sequence[PartSource], positions: IndexArray) -> WordArray:
     """
     words = np.zeros(len(positions), np.uint64)
     for part in parts:
-        words |= spread_bits(part.words[runs_at(part, positions)], part.mask)
+        words |= spread_bits(part.words.take(runs_at(part, positions)), part.mask)
     return words
 
 

@@ -85,24 +85,23 @@ def _inside(
     runs: list[IndexArray] = []
     for part, row in zip(parts, admitted, strict=True):
         at = runs_at(part, positions[kept])
-        inside = np.flatnonzero(row.take(part.ranks.take(at)))
+        inside = np.flatnonzero(row.take(part.ranks_at(at)))
         kept, runs = kept[inside], [*(known[inside] for known in runs), at[inside]]
     return kept, runs
 
 
 def _leave(part: PartSource, admitted: BoolArray, runs: IndexArray, turn: int) -> IndexArray:
     """Find the first run after (or before, by `turn`) each admitted run that isn't admitted."""
-    ranks = part.ranks
     at = runs + turn
     moving = np.arange(len(at))
-    budget = len(ranks)  # beyond it, passing over all runs would have been quicker
+    budget = len(part.words)  # beyond it, passing over all runs would have been quicker
     while budget > 0:
         budget -= TURN_COST + MOVE_COST * len(moving)
-        moving = moving[admitted.take(ranks.take(at[moving]))]  # -1 is the last, a free one
+        moving = moving[admitted.take(part.ranks_at(at[moving]))]  # -1 is the last, a free one
         if not len(moving):
             return at
         at[moving] += turn
-    outside = np.flatnonzero(~admitted.take(ranks))
+    outside = np.flatnonzero(~admitted.take(part.ranks))
     if turn > 0:
         at[moving] = outside[np.searchsorted(outside, at[moving])]
     else:  # nothing before the first run is the same as no. -1

@@ -129,7 +129,7 @@ def document_info(store: str | Path, name: str) -> Record:
         source = segment_source(snapshot, entry.file, feature_set)
         for name, part in zip(PARTS, source.parts, strict=True):
             ends = (entry.first, entry.first + document.frames)
-            low, high = np.searchsorted(part.starts, np.array(ends, np.uint32))
+            low, high = part.starts.search(np.array(ends))
             facts[f"{name}_segments"] = int(high - low)
         facts["untrusted_features"] = _untrusted(document, feature_set)
         facts |= {**_rig_facts(document.rig), **document.facts}

@@ -11,6 +11,7 @@ from mocapidx.features.featureset import PARTS, FeatureSet, parse_feature_set
 from mocapidx.index.build import first_positions
 from mocapidx.index.postings import InvertedLists, open_index
 from mocapidx.printable import shown
+from mocapidx.queries.column import Column
 from mocapidx.queries.evaluate import DocumentGroup
 from mocapidx.queries.source import PartSource, Source
 from mocapidx.store.manifest import Document, SegmentFile
@@ -83,13 +84,17 @@ def segment_source(snapshot: Snapshot, file: SegmentFile, feature_set: FeatureSe
     parts = tuple(
         PartSource(
             feature_set.part_mask(part),
-            partial(snapshot.array, file, f"runs/{part}/starts"),
-            partial(snapshot.array, file, f"runs/{part}/words"),
+            _column(snapshot, file, f"runs/{part}/starts"),
+            _column(snapshot, file, f"runs/{part}/words"),
             partial(lists, part),
         )
         for part in PARTS
     )
     return Source(first_positions(lengths), lengths, parts)
+
+
+def _column(snapshot: Snapshot, file: SegmentFile, path: str) -> Column:
+    return Column(file.datasets[path].shape[0], partial(snapshot.array, file, path))
 
 
 def document_groups(file: SegmentFile, wanted: Container[int] | None = None) -> list[DocumentGroup]:

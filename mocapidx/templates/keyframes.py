@@ -184,8 +184,8 @@ def _agreeing_part(part: PartSource, ones: np.uint64, care: np.uint64, tolerance
     wanted, mask = part_words(np.array([ones, care], dtype=np.uint64), part.mask)
     admitted = np.bitwise_count((part.lists.words ^ wanted) & mask) <= tolerance
     runs = join_runs(part.runs(np.append(admitted, False)))
-    starts = part.starts
-    return Stretches(starts[runs.starts].astype(np.int64), starts[runs.ends].astype(np.int64))
+    starts, ends = part.starts.take(runs.starts), part.starts.take(runs.ends)
+    return Stretches(starts.astype(np.int64), ends.astype(np.int64))
 
 
 def _roomy(stretches: Stretches, source: Source, padding: IndexArray, room: int) -> Stretches:

@@ -182,7 +182,7 @@ def untouchable():
 def test_sub_indexes_that_are_not_selected_stay_closed(mode, mask):
     source = source_of([[1, 2, 64, 1]])
     closed = [
-        replace(part, read_starts=untouchable, read_words=untouchable, open_lists=untouchable)
+        replace(part, starts=untouchable, words=untouchable, open_lists=untouchable)
         for part in source.parts[1:]
     ]
     source = replace(source, parts=(source.parts[0], *closed))
