@@ -7,10 +7,11 @@ import pytest
 FLAGS = (
     *("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"),
     *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
-    *("--disable-dev-shm-usage", "--hide-scrollbars", "--mute-audio", "--window-size=1280,800"),
+    *("--disable-dev-shm-usage", "--hide-scrollbars", "--mute-audio", "--window-size=1100,760"),
 )
-DRAWING = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
-NOT_DRAWING = ("--disable-3d-apis",)
+CALM = ("--force-prefers-reduced-motion",)  # what stands takes no time to draw
+DRAWING = (*CALM, "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+NOT_DRAWING = (*CALM, "--disable-3d-apis")
 
 
 @pytest.fixture(scope="session")
@@ -52,8 +53,7 @@ def flat_browser(start_browser):
 
 @pytest.fixture
 def browser(drawing_browser):
-    """The browser that draws, as wide as a screen, with nothing in its logs."""
-    drawing_browser.set_window_size(1280, 800)
+    """The browser that draws, with nothing in its logs."""
     for kind in ("browser", "performance"):
         drawing_browser.get_log(kind)
     return drawing_browser

@@ -1,6 +1,7 @@
 // Everything put together, and the clock that drives it.
 
 const BUDGET = 11; // milliseconds of drawing small figures before the next picture of the screen
+const REST = 1.5; // so many times as long as they took, nothing small is drawn: slow machines stay quick
 
 function makeStudio() {
   try {
@@ -20,6 +21,7 @@ function start() {
   let time = 0;
   let last = 0;
   let turnOf = 0;
+  let rested = 0; // when small figures may be drawn again
   let again = true; // small figures are to be drawn even if they stand
 
   const anew = () => {
@@ -29,21 +31,26 @@ function start() {
     again = true;
   };
 
+  const drawCards = () => {
+    const visible = cards.filter((card) => card.visible && !card.element.hidden);
+    const these = playingAll || again ? visible : visible.filter((card) => !card.drawn);
+    const began = performance.now();
+    let spent = 0;
+    for (let i = 0; i < these.length && spent < BUDGET; i += 1) {
+      turnOf = (turnOf + 1) % these.length;
+      drawCard(these[turnOf], studio, time, playingAll ? speed() : 1, $("beside").value);
+      spent = performance.now() - began;
+      if (i + 1 === these.length) again = false;
+    }
+    if (spent > BUDGET) rested = performance.now() + REST * spent;
+  };
+
   const tick = (now) => {
     const passed = Math.min((now - last) / 1000, 0.1);
     last = now;
     moveStage(passed, studio);
     if (playingAll) time += passed;
-    const visible = cards.filter((card) => card.visible && !card.element.hidden);
-    const waiting = visible.filter((card) => !card.drawn);
-    const these = playingAll || again ? visible : waiting;
-    const began = performance.now();
-    for (let i = 0; i < these.length; i += 1) {
-      turnOf = (turnOf + 1) % these.length;
-      drawCard(these[turnOf], studio, time, playingAll ? speed() : 1, $("beside").value);
-      if (performance.now() - began > BUDGET && i + 1 < these.length) break;
-      if (i + 1 === these.length) again = false;
-    }
+    if (now >= rested) drawCards();
     requestAnimationFrame(tick);
   };
 
