@@ -19,7 +19,15 @@ __all__ = ["VARIABLE", "compiled", "instructions_in_use", "kernels_in_use"]
 VARIABLE: Final = "MOCAPIDX_KERNELS"
 """Environment variable: ``numpy`` forces the fallback, ``c`` demands the compiled kernels."""
 
-KERNELS: Final[tuple[str, ...]] = ("matching", "path", "text", "sequences", "webs")
+KERNELS: Final[tuple[str, ...]] = (
+    "dtw",
+    "kinematics",
+    "matching",
+    "path",
+    "text",
+    "sequences",
+    "webs",
+)
 
 
 @cache

@@ -4,11 +4,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mocapidx.formats.registry import read_recording
-from mocapidx.model import Recording, Skeleton
+from mocapidx.model import Recording
 from mocapidx.skeleton import kinematics
 from mocapidx.skeleton.kinematics import node_positions, zero_pose
 from mocapidx.skeleton.rotations import multiplied, times_vector, turned, upright
 from tests import naive_kinematics as naive
+from tests.made_recordings import random_recording
 from tests.small_files import AMC, ASF, BVH
 
 
@@ -44,36 +45,6 @@ def test_files_agree_with_one_matrix_at_a_time(tmp_path, name, text):
     nodes = range(len(recording.skeleton.names))
     expected = naive.node_positions(recording)
     np.testing.assert_allclose(node_positions(recording, nodes), expected, atol=1e-12)
-
-
-def random_recording(seed, turned_by, frames=5):
-    random = np.random.default_rng(seed)
-    count = int(random.integers(2, 9))
-    parents = np.array([-1, *(random.integers(0, i) for i in range(1, count))])
-    axes = None
-    if random.random() < 0.7:
-        axes = np.linalg.qr(random.normal(size=(count, 3, 3)))[0]
-        axes *= np.sign(np.linalg.det(axes))[:, None, None]
-        axes[random.random(count) < 0.4] = np.eye(3)
-    nodes, kinds = [], []
-    for node in range(count):
-        own = random.permutation(6)[: random.integers(0, 7)]
-        nodes += [node] * len(own)
-        kinds += own.tolist()
-    return Recording(
-        Skeleton(
-            tuple(f"n{i}" for i in range(count)),
-            parents.astype(np.int64),
-            random.normal(size=(count, 3)),
-            turned_by,
-            axes,
-        ),
-        np.array(nodes, dtype=np.int64),
-        np.array(kinds, dtype=np.int64),
-        random.normal(size=(frames, len(nodes))) * 2,
-        None,
-        None,
-    )
 
 
 @pytest.mark.parametrize("positions", ["add", "replace"])
