@@ -57,6 +57,8 @@ class SealedKind:
         The command that makes it.
     groups : mapping of str to (str, int)
         Type and number of axes of the arrays in each group.
+    most_bytes : int
+        Of a file that is read; half of it in arrays that are written.
     """
 
     format: str
@@ -66,6 +68,7 @@ class SealedKind:
     content: str
     made_with: str
     groups: Mapping[str, tuple[str, int]]
+    most_bytes: int = SIZE_LIMIT
 
 
 class Wrong(Exception):
@@ -103,10 +106,10 @@ def write_sealed(
             data = np.ascontiguousarray(member, dtype=kind.groups[group][0])
             datasets[f"{group}/{number:04d}"] = data
     total = sum(data.nbytes for data in datasets.values())
-    if len(datasets) - 1 > MOST_DATASETS or total > SIZE_LIMIT // 2:
+    if len(datasets) - 1 > MOST_DATASETS or total > kind.most_bytes // 2:
         raise ParameterError(
             f"{shown(path)}: {len(datasets) - 1} {kind.content} of {total} bytes are too many for "
-            f"one file, at most {MOST_DATASETS} and {SIZE_LIMIT // 2} bytes; use several files"
+            f"one file, at most {MOST_DATASETS} and {kind.most_bytes // 2} bytes; use several files"
         )
     image, places = _image(datasets, list(kind.groups))
     table = {
@@ -192,9 +195,9 @@ def _read_file(path: Path, kind: SealedKind) -> bytes:
         descriptor = open_regular(Path(os.path.realpath(path)))
         try:
             size = os.fstat(descriptor).st_size
-            if size > SIZE_LIMIT:
+            if size > kind.most_bytes:
                 raise StoreError(
-                    f"{shown(path)}: has {size} bytes, a {kind.called} at most {SIZE_LIMIT}"
+                    f"{shown(path)}: has {size} bytes, a {kind.called} at most {kind.most_bytes}"
                 )
             data = read_exactly(descriptor, 0, size)
         finally:
