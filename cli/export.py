@@ -15,24 +15,27 @@ __all__ = ["export"]
 
 SKIPPED = 5  # exit code: done, but some documents were passed over
 CLIPS = ("source", "bvh", "npz", "csv")
+TRANSCRIPTS = ("eaf", "textgrid", "vtt", "srt", "babel", "labels", "jsonl")
 
 
 @click.command()
 @click.argument("records", type=click.Path(path_type=Path, allow_dash=True))
 @click.option(
     "--output",
-    type=click.Path(file_okay=False, path_type=Path),
+    type=click.Path(path_type=Path, allow_dash=True),
     required=True,
-    metavar="FOLDER",
-    help="Where the clips go; made if need be.",
+    metavar="FOLDER|FILE",
+    help="Folder for the clips, or for a file for each document; made if need be. A file (or - for "
+    "stdout) for one document, and for babel, labels and jsonl.",
 )
 @click.option(
     "--to",
-    type=click.Choice(CLIPS),
+    type=click.Choice(CLIPS + TRANSCRIPTS),
     default="source",
     show_default=True,
-    help="Format: stretches of AMC, BVH and C3D as they are (others as npz), any motion as BVH, "
-    "or positions of the 24 joints in metres.",
+    help="Clips: stretches of AMC, BVH and C3D as they are (others as npz), any motion as bvh, or "
+    "positions of the 24 joints in metres as npz or csv. When is what: ELAN, Praat, WebVTT, SRT, "
+    "BABEL's JSON, a labels file (CSV), JSON lines.",
 )
 @click.option(
     "--store",
@@ -83,16 +86,22 @@ def export(
     quiet: bool,
     **reading: Any,
 ) -> int:
-    """Cut hits or annotations out of their motion files, a clip each.
+    """Take hits or annotations along: as clips, or as annotations of other programs.
 
-    RECORDS are those of query, retrieve or annotate, as JSON lines or CSV. Names of clips begin
-    with the rank; clips.jsonl beside them says where each is from.
+    RECORDS are those of query, retrieve or annotate, as JSON lines or CSV, or a file of one of
+    those programs. Names of clips begin with the rank; clips.jsonl says where each is from.
 
     \b
     Example:
       mocapidx retrieve takes.store --templates t.h5 --class kick --format jsonl |
         mocapidx export - --store takes.store --output kicks --handles 0.5 --top 20
+      mocapidx export annotations.jsonl --to eaf --output annotations
     """
+    if to in TRANSCRIPTS:
+        write_transcripts(records, output, to, stores, force, quiet)
+        return 0
+    if str(output) == "-":
+        raise click.UsageError("Clips need a folder: --output FOLDER.")
     from mocapidx.tasks.export import ExportOptions, export_clips
 
     options = ExportOptions(
@@ -111,3 +120,20 @@ def export(
         warn(refused.message)
     note(f"{count(len(exported.clips), 'clip')} in {output}", quiet)
     return SKIPPED if exported.refused else 0
+
+
+def write_transcripts(
+    records: Path, output: Path, to: str, stores: tuple[Path, ...], force: bool, quiet: bool
+) -> None:
+    """Write annotation files, or print the only one."""
+    from mocapidx.tasks.transcribe import export_transcripts, transcribe
+
+    if str(output) == "-":
+        written = transcribe(records, to, stores)
+        if len(written) > 1:
+            raise click.UsageError("The records speak of several documents: --output FOLDER.")
+        for data in written.values():
+            click.echo(data, nl=False)
+        return
+    files = export_transcripts(records, output, to, stores=stores, force=force)
+    note(f"{count(len(files), 'file')} in {output}", quiet)

@@ -10,8 +10,9 @@ CLI = Path(__file__).parent.parent / "cli"
 
 LAYERS = (
     *("errors", "printable", "markup", "model", "units", "toml_files", "kernels", "durable"),
-    *("formats", "skeleton", "features", "segments", "alignment", "store", "index", "queries"),
-    *("templates", "graphs", "synthesis", "evaluation", "reports", "tasks", "__init__"),
+    *("transcripts", "formats", "skeleton", "features", "segments", "alignment", "store"),
+    *("index", "queries", "templates", "graphs", "synthesis", "evaluation", "reports", "tasks"),
+    "__init__",
 )
 LEVEL = {name: level for level, name in enumerate(LAYERS)}
 ALLOWED = {

@@ -24,7 +24,7 @@ from mocapidx.model import FloatArray
 from mocapidx.printable import count, shown
 from mocapidx.store.read import open_store
 from mocapidx.tasks.found import Found, read_found
-from mocapidx.tasks.labels import LabelFile
+from mocapidx.tasks.labels import LabelFile, named_labels
 from mocapidx.tasks.records import Record
 from mocapidx.tasks.store_words import check_store, store_batches
 from mocapidx.templates.file import load_templates
@@ -151,10 +151,11 @@ def evaluate_records(
     if len(kinds) > 1:
         raise FormatError(f"{shown(records)}: holds both hits and annotations; give one kind")
     remarks = list(labels.remarks)
+    lengths = {} if options.store is None else _lengths(options.store)
+    labels = named_labels(labels, {**lengths, **{each.document: 0.0 for each in found}})
     if options.labelled_documents:
         labelled = {label.document for label in labels.labels}
         found = tuple(each for each in found if each.document in labelled)
-    lengths = {} if options.store is None else _lengths(options.store)
     truth = [
         Stretch(
             label.document,

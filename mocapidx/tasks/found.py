@@ -1,4 +1,4 @@
-"""Hits and annotations as other commands printed them, read back from JSON lines or CSV."""
+"""Hits and annotations, read back from what commands print and other programs keep."""
 
 import csv
 import io
@@ -12,8 +12,10 @@ from typing import Any, Final
 
 from mocapidx.errors import FormatError
 from mocapidx.printable import shown
+from mocapidx.transcripts.kinds import kind_of
+from mocapidx.transcripts.spans import Span
 
-__all__ = ["Found", "read_found"]
+__all__ = ["Found", "json_rows", "read_found", "unquoted"]
 
 SIZE_LIMIT: Final = 256 << 20  # bytes
 NEEDED: Final = ("document", "start_time", "end_time", "label")
@@ -58,8 +60,8 @@ def read_found(path: Path) -> tuple[Found, ...]:
     Parameters
     ----------
     path : Path
-        JSON lines or CSV, as ``--format jsonl`` and ``--format csv`` print them; ``-`` is the
-        standard input.
+        JSON lines or CSV, as ``--format jsonl`` and ``--format csv`` print them, or a file of
+        annotations that `mocapidx.transcripts` reads; ``-`` is the standard input.
 
     Returns
     -------
@@ -72,9 +74,14 @@ def read_found(path: Path) -> tuple[Found, ...]:
         If it can't be read or is something else; the message names the line.
     """
     where = "standard input" if str(path) == "-" else shown(path)
-    text = _read_text(path, where)
+    data = _read_bytes(path, where)
+    kind = kind_of(data)
+    if kind is not None:
+        transcripts = kind.read(data, where, "" if where == "standard input" else path.stem)
+        return tuple(_said(each.document, span) for each in transcripts for span in each.spans)
+    text = data.decode("utf-8-sig", "surrogateescape")
     if text.lstrip()[:1] == "{":
-        rows = _json_rows(text, where)
+        rows = json_rows(text, where)
     elif not text.strip():  # no hits as JSON lines
         return ()
     else:
@@ -82,7 +89,7 @@ def read_found(path: Path) -> tuple[Found, ...]:
     return tuple(_found(row, place) for row, place in rows)
 
 
-def _read_text(path: Path, where: str) -> str:
+def _read_bytes(path: Path, where: str) -> bytes:
     try:
         if str(path) == "-":
             data = sys.stdin.buffer.read(SIZE_LIMIT + 1)
@@ -95,10 +102,34 @@ def _read_text(path: Path, where: str) -> str:
         raise FormatError(f"{where}: can't be read ({exc.strerror})") from exc
     if len(data) > SIZE_LIMIT:
         raise FormatError(f"{where}: larger than {SIZE_LIMIT >> 20} MiB")
-    return data.decode("utf-8-sig", "surrogateescape")
+    return data
 
 
-def _json_rows(text: str, where: str) -> Iterator[tuple[Mapping[str, Any], str]]:
+def _said(document: str, span: Span) -> Found:
+    if span.start is None or span.end is None:
+        raise FormatError(f"{span.where}: '{shown(span.label)}' has no times")
+    return Found(document, span.label, span.start, span.end, span.cost, False)
+
+
+def json_rows(text: str, where: str) -> Iterator[tuple[Mapping[str, Any], str]]:
+    """Read JSON lines.
+
+    Parameters
+    ----------
+    text : str
+    where : str
+        The file, for messages.
+
+    Yields
+    ------
+    (mapping, str)
+        Each object, and the file with its line.
+
+    Raises
+    ------
+    FormatError
+        If a line is no JSON object.
+    """
     for number, line in enumerate(text.split("\n"), start=1):
         if not line.strip():
             continue
@@ -125,13 +156,23 @@ def _csv_rows(text: str, where: str) -> Iterator[tuple[Mapping[str, Any], str]]:
             place = f"{where}:{rows.line_num}"
             if len(cells) != len(header):
                 raise FormatError(f"{place}: {len(cells)} values, the header names {len(header)}")
-            yield dict(zip(header, map(_unquoted, cells), strict=True)), place
+            yield dict(zip(header, map(unquoted, cells), strict=True)), place
     except csv.Error as exc:
         raise FormatError(f"{where}:{rows.line_num}: not CSV ({exc})") from exc
 
 
-def _unquoted(cell: str) -> str:
-    """Take away the mark that keeps spreadsheets from running a name as a formula."""
+def unquoted(cell: str) -> str:
+    """Take away the mark that keeps spreadsheets from running a name as a formula.
+
+    Parameters
+    ----------
+    cell : str
+        Of a CSV file.
+
+    Returns
+    -------
+    str
+    """
     return cell[1:] if cell[:1] == "'" and cell[1:2] in {"=", "+", "-", "@"} else cell
 
 

@@ -21,7 +21,7 @@ from mocapidx.store.read import open_store
 from mocapidx.store.schema import MANIFEST
 from mocapidx.tasks.evaluate import NO_LABEL, UNKNOWN, EvaluationOptions, evaluate_records
 from mocapidx.tasks.found import read_found
-from mocapidx.tasks.labels import read_labels
+from mocapidx.tasks.labels import named_labels, read_labels
 from mocapidx.tasks.prepare import Job, Prepared, Refused, prepare
 from mocapidx.tasks.read import ReadOptions
 from mocapidx.tasks.segment_sources import untrusted_mask
@@ -233,7 +233,7 @@ def _curve(
 
 def _truth(path: Path, documents: Sequence[_Document], offsets: Sequence[float]) -> list[Span]:
     """Labels of the documents, moved to where the documents are drawn."""
-    labels = read_labels(path).labels
+    labels = named_labels(read_labels(path), (document.name for document in documents)).labels
     spans = []
     for document, start, end in zip(documents, offsets[:-1], offsets[1:], strict=True):
         for label in labels:
@@ -284,7 +284,7 @@ def draw_annotations(
 def _labels_by_document(path: Path, ends: dict[str, float]) -> dict[str, list[Span]]:
     """Labels as spans; one without an end goes as far as the annotation of its document."""
     spans: dict[str, list[Span]] = {}
-    for label in read_labels(path).labels:
+    for label in named_labels(read_labels(path), ends).labels:
         start = label.start_time or 0.0
         end = ends.get(label.document, 0.0) if label.end_time is None else label.end_time
         if start < end:

@@ -96,7 +96,7 @@ def test_stretches_that_touch_do_not_overlap(tmp_path):
 def test_a_missing_file_is_told(tmp_path):
     with pytest.raises(FormatError, match="no such labels file"):
         read_labels(tmp_path / "none.csv")
-    with pytest.raises(FormatError, match="no regular file"):
+    with pytest.raises(FormatError, match="a folder without labels"):
         read_labels(tmp_path)
 
 

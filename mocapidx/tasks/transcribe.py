@@ -1,0 +1,149 @@
+"""Hits and annotations as files of other programs: ELAN, Praat, video players, BABEL."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+from mocapidx.durable import durable_replace
+from mocapidx.errors import ParameterError
+from mocapidx.printable import count, shown
+from mocapidx.store.read import open_store
+from mocapidx.tasks.document_names import DocumentNames
+from mocapidx.tasks.found import Found, read_found
+from mocapidx.tasks.records import render_records
+from mocapidx.tasks.safe_names import check_targets, document_stem, make_folder
+from mocapidx.transcripts.babel import babel_text
+from mocapidx.transcripts.kinds import KINDS
+from mocapidx.transcripts.spans import Span, Transcript
+
+__all__ = ["TRANSCRIPTS", "export_transcripts", "transcribe"]
+
+COLUMNS: Final = ("document", "label", "start_time", "end_time", "cost")
+ROWS: Final = {"labels": "csv", "jsonl": "jsonl"}  # what is records, and how they are printed
+TRANSCRIPTS: Final = (*KINDS, *ROWS)
+
+
+def export_transcripts(
+    records: Path, output: Path, to: str, *, stores: Sequence[Path] = (), force: bool = False
+) -> tuple[Path, ...]:
+    """Write hits or annotations for another program.
+
+    Parameters
+    ----------
+    records : Path
+        Hits or annotations as `read_found` reads them; ``-`` is the standard input.
+    output : Path
+        A file with the suffix of the format for one document, else a folder that gets a file
+        for each. BABEL's JSON, labels as CSV and JSON lines are one file for all documents.
+    to : {"eaf", "textgrid", "vtt", "srt", "babel", "labels", "jsonl"}
+    stores : sequence of Path
+        Tell how long documents last.
+    force : bool
+        Replace files that are there.
+
+    Returns
+    -------
+    tuple of Path
+        The files written.
+
+    Raises
+    ------
+    FormatError, ParameterError, StoreError, WriteError
+    """
+    written = transcribe(records, to, stores)
+    kind = KINDS.get(to)
+    if kind is None or kind.write is None or _is_file(output, kind.suffix):
+        files = {output: _only(written, output)}
+    else:
+        make_folder(output)
+        files = {
+            output / f"{document_stem(document)}{kind.suffix}": data
+            for document, data in written.items()
+        }
+    check_targets(files, force)
+    for path, data in files.items():
+        durable_replace(path, data)
+    return tuple(files)
+
+
+def transcribe(records: Path, to: str, stores: Sequence[Path] = ()) -> dict[str, bytes]:
+    """Turn hits or annotations into files of another program.
+
+    Parameters
+    ----------
+    records, to, stores
+        As `export_transcripts` takes them.
+
+    Returns
+    -------
+    dict of str to bytes
+        The content by document; one that holds them all is that of the document "".
+
+    Raises
+    ------
+    FormatError, StoreError
+    """
+    seconds = _seconds(stores)
+    known = DocumentNames(seconds)
+    by_document: dict[str, list[Found]] = {}
+    for found in read_found(records):
+        name = known.find(found.document, shown(records)) or found.document
+        by_document.setdefault(name, []).append(found)
+    transcripts = [
+        Transcript(
+            document,
+            tuple(Span(each.start, each.end, each.label, each.cost) for each in own),
+            seconds.get(document),
+        )
+        for document, own in sorted(by_document.items())
+    ]
+    if to in ROWS:
+        return {"": _rows(transcripts, ROWS[to])}
+    write = KINDS[to].write
+    if write is None:
+        return {"": babel_text(transcripts)}
+    return {each.document: write(each) for each in transcripts}
+
+
+def _rows(transcripts: Sequence[Transcript], row_format: str) -> bytes:
+    records = [
+        {
+            "document": each.document,
+            "label": span.label,
+            "start_time": span.start,
+            "end_time": span.end,
+            "cost": span.cost,
+        }
+        for each in transcripts
+        for span in sorted(each.spans, key=lambda span: (span.start or 0.0, span.end or 0.0))
+    ]
+    lines = render_records(records, row_format, COLUMNS)
+    return "".join(f"{line}\n" for line in lines).encode("utf-8")
+
+
+def _seconds(stores: Sequence[Path]) -> dict[str, float]:
+    """Return how long each document of some stores lasts."""
+    seconds: dict[str, float] = {}
+    for path in stores:
+        with open_store(path) as store:
+            rate = store.manifest.settings.rate
+            for placed in store.documents():
+                name = placed.document.name
+                if name in seconds:
+                    raise ParameterError(f"two stores hold a document '{shown(name)}'")
+                seconds[name] = placed.document.frames / rate
+    return seconds
+
+
+def _is_file(output: Path, suffix: str) -> bool:
+    return output.suffix.lower() == suffix.lower() and not output.is_dir()
+
+
+def _only(written: Mapping[str, bytes], output: Path) -> bytes:
+    if len(written) != 1:
+        documents = count(len(written), "document")
+        raise ParameterError(
+            f"{shown(output, None)}: the records speak of {documents}, the file holds one; give "
+            "a folder"
+        )
+    return next(iter(written.values()))
