@@ -5,8 +5,10 @@ from typing import Any
 
 import click
 
+from mocapidx.printable import count
+
 from .options import NumberRange, quiet_option, read_options, reading_options, store_argument
-from .rows import note, warn
+from .rows import note
 
 __all__ = ["report"]
 
@@ -93,6 +95,6 @@ def report(
     else:
         save_text([made.html], output)
     for remark in made.remarks:
-        warn(remark)
-    hits, documents = made.hits, made.documents
-    note(f"{output}: {hits} of {documents} documents, {len(made.html) / 1e6:.1f} MB", quiet)
+        note(f"Note: {remark}", quiet)
+    hits, documents = count(made.hits, made.noun), count(made.documents, "document")
+    note(f"{output}: {hits} of {documents}, {len(made.html) / 1e6:.1f} MB", quiet)

@@ -66,6 +66,8 @@ class Report:
         The file.
     hits, documents : int
         How many are on it.
+    noun : {"hit", "annotation"}
+        What the hits are.
     remarks : tuple of str
         What was left out, a sentence each; the page says it, too.
     """
@@ -73,6 +75,7 @@ class Report:
     html: str
     hits: int
     documents: int
+    noun: str
     remarks: tuple[str, ...]
 
 
@@ -127,9 +130,9 @@ def make_report(store: Path, records: Path, options: ReportOptions | None = None
         documents = page_documents(snapshot, kept, plan, templates)
         hits, references = page_hits(kept, documents, feature_set, settings.rate, query)
         remarks = _remarks(plan, len(placings), len(found), settings.rate, options)
-        noun = "Hits" if any(each.ranked for each in found) else "Annotations"
+        noun = "hit" if not found or any(each.ranked for each in found) else "annotation"
         content = PageContent(
-            title=options.title or f"{noun} in {store.name or store.resolve().name}",
+            title=options.title or f"{noun.capitalize()}s in {store.name or store.resolve().name}",
             rate=settings.rate,
             features=tuple(
                 PageFeature(each.id, each.name, each.part) for each in feature_set.features
@@ -139,7 +142,7 @@ def make_report(store: Path, records: Path, options: ReportOptions | None = None
             references=references,
             remarks=remarks,
         )
-    return Report(page_html(content), len(hits), len(documents), remarks)
+    return Report(page_html(content), len(hits), len(documents), noun, remarks)
 
 
 def _placed(

@@ -44,7 +44,7 @@ MOST_CELLS: Final = 1 << 20
 """Pairs of frames that are looked at to bring a hit in step: two of 34 s at 30 Hz."""
 
 MANY_TIMES: Final = 3.0
-"""A stretch so many times as long as its reference holds repetitions; no one path fits them."""
+"""An annotation so many times as long as the best one covers repetitions; no path fits them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -194,7 +194,9 @@ def page_hits(
             reference = None
         steps: tuple[int, ...] = ()
         if reference is not None:
-            steps = _in_step(stretch, reference_stretches[reference], feature_set, rate)
+            other = reference_stretches[reference]
+            if each.found.ranked or len(stretch.words) <= MANY_TIMES * len(other.words):
+                steps = _in_step(stretch, other, feature_set, rate)
         hits.append(
             PageHit(
                 document=numbers[each.placed.document.name],
@@ -245,7 +247,7 @@ def _stretch(placing: Placing, document: PageDocument) -> Stretch:
 def _in_step(one: Stretch, other: Stretch, feature_set: FeatureSet, rate: float) -> tuple[int, ...]:
     """For each frame of one give the frame of the other that goes with it; empty: none does."""
     frames, others = len(one.words), len(other.words)
-    if frames * others > MOST_CELLS or frames > MANY_TIMES * others:
+    if frames * others > MOST_CELLS:
         return ()
     path = align_stretches(one, other, feature_set, rate, AlignOptions()).path
     if path is None:
