@@ -1,15 +1,18 @@
 """Classical dynamic time warping, of many sequences with one reference at once.
 
 Distances are counted in whole units of 2**-24, so sums are exact and ties are ties on every
-machine, in whatever order the sums are taken.
+machine, in whatever order the sums are taken. The compiled kernel ``dtw.c`` gives the same.
 """
 
 from collections.abc import Iterator, Sequence
+from functools import partial
+from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mocapidx.errors import ParameterError
+from mocapidx.kernels.choice import compiled
 from mocapidx.model import FloatArray, IndexArray
 
 __all__ = ["GRID", "LONGEST_SEQUENCE", "Alignment", "align", "fixed_point"]
@@ -17,6 +20,8 @@ __all__ = ["GRID", "LONGEST_SEQUENCE", "Alignment", "align", "fixed_point"]
 GRID = float(1 << 24)  # 64 features that differ by one each stay below 2**31
 LONGEST_SEQUENCE = 4096  # frames; two such sequences have 17 million cells
 CELLS_AT_ONCE = 1 << 23
+LEVEL: str | None = None
+"""The instructions that the kernel uses: by default the fastest that this processor has."""
 
 DIAGONAL, REFERENCE, OTHER = np.arange(3, dtype=np.int8)  # the steps, as they win ties
 FAR = np.int64(1) << 60
@@ -58,10 +63,12 @@ def align(reference: FloatArray, others: Sequence[FloatArray]) -> Iterator[Align
     for sequence in (reference, *others):
         _check(sequence, reference.shape[-1])
     fixed_reference = fixed_point(reference)
+    kernel = compiled("dtw")
+    in_one = _align_batch if kernel is None else partial(_align_compiled, kernel)
     first = 0
     while first < len(others):
         last = first + _batch_size(len(reference), [len(x) for x in others[first:]])
-        yield from _align_batch(fixed_reference, [fixed_point(x) for x in others[first:last]])
+        yield from in_one(fixed_reference, [fixed_point(x) for x in others[first:last]])
         first = last
 
 
@@ -87,6 +94,21 @@ def _batch_size(rows: int, lengths: Sequence[int]) -> int:
     longest = np.maximum.accumulate(lengths)
     cells = rows * longest * np.arange(1, len(lengths) + 1)
     return max(1, int(np.searchsorted(cells, CELLS_AT_ONCE, side="right")))
+
+
+def _align_compiled(
+    kernel: ModuleType, reference: NDArray[np.int32], others: Sequence[NDArray[np.int32]]
+) -> Iterator[Alignment]:
+    bounds = np.cumsum([0, *map(len, others)], dtype=np.int64)
+    totals, lengths = np.empty((2, len(others)), dtype=np.int64)
+    paths = np.empty((2, bounds[-1] + (len(reference) - 1) * len(others)), dtype=np.int64)
+    everything = np.concatenate(others)
+    features = reference.shape[1]
+    kernel.align(reference, everything, features, bounds, totals, lengths, *paths, LEVEL)
+    end = 0
+    for total, length in zip(totals.tolist(), lengths.tolist(), strict=True):
+        begin, end = end, end + length
+        yield total / GRID, paths[0, begin:end].copy(), paths[1, begin:end].copy()
 
 
 def _align_batch(

@@ -11,6 +11,7 @@
 /* The struct module's letters that mean an element on some platform; its size is checked too. */
 #define UINT64 "LQ"
 #define INT64 "lq"
+#define INT32 "il"
 #define FLOAT32 "f"
 #define UINT8 "B"
 #define BOOL "?"

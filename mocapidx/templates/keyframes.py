@@ -336,8 +336,10 @@ def _kept_frames(
 
 def _within(held: BoolArray, least: int, most: int) -> BoolArray:
     """Tell for each frame whether one that is `least` to `most` after it is held."""
-    sums = np.concatenate(([0], np.cumsum(held)))
-    frames = np.arange(len(held))
-    low = np.clip(frames + least, 0, len(held))
-    high = np.clip(frames + most + 1, 0, len(held))
-    return np.asarray(sums[high] > sums[low])
+    # One more than there are frames, and the ends repeated so that no place lies outside.
+    before, after = max(-least, -most - 1, 0), max(least, most + 1, 0)
+    sums = np.zeros(before + 1 + len(held) + after, dtype=np.int32)
+    np.cumsum(held, out=sums[before + 1 : before + 1 + len(held)])
+    sums[before + 1 + len(held) :] = sums[before + len(held)]
+    low, high = before + least, before + most + 1
+    return np.asarray(sums[high : high + len(held)] > sums[low : low + len(held)])

@@ -126,13 +126,20 @@ def average(
     weights : ndarray of float64, shape (K,)
         The mean of the warped weights; their sum is the mean of the sums.
     """
-    total = np.zeros_like(matrices[reference])
-    weight = np.zeros(len(total))
     alignments = align(matrices[reference], matrices)
-    for (_, rows, columns), matrix, own in zip(alignments, matrices, weights, strict=True):
-        warped, warped_weight = warp(matrix, own, rows, columns)
-        total += warped * warped_weight[:, None]
-        weight += warped_weight
+    _, rows, columns = zip(*alignments, strict=True)
+    # One sequence behind the other, and each onto a reference of its own: one call warps all.
+    first_rows = np.arange(len(matrices)) * len(matrices[reference])
+    first_columns = np.cumsum([0, *map(len, matrices)])
+    warped, warped_weights = warp(
+        np.concatenate(matrices),
+        np.concatenate(weights),
+        np.concatenate([own + first for own, first in zip(rows, first_rows, strict=True)]),
+        np.concatenate([own + first for own, first in zip(columns, first_columns, strict=False)]),
+    )
+    of_each = (len(matrices), len(matrices[reference]))
+    total = (warped * warped_weights[:, None]).reshape(*of_each, -1).sum(axis=0)
+    weight = warped_weights.reshape(of_each).sum(axis=0)
     return total / weight[:, None], weight / len(matrices)
 
 
