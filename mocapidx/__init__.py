@@ -91,3 +91,7 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'mocapidx' has no attribute {name!r}")
     module, _, attribute = _HOMES[name].partition(":")
     return getattr(importlib.import_module(f"mocapidx.{module}"), attribute)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

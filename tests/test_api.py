@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -11,6 +12,12 @@ import mocapidx
 @pytest.mark.parametrize("name", mocapidx.__all__)
 def test_every_public_name_is_there_and_documented(name):
     assert getattr(mocapidx, name).__doc__
+
+
+def test_every_public_name_is_in_the_reference():
+    page = Path(__file__).parent.parent / "docs" / "reference" / "python.rst"
+    listed = {line.strip() for line in page.read_text().splitlines() if line.startswith("   ")}
+    assert set(mocapidx.__all__) <= listed
 
 
 def test_importing_the_package_imports_nothing_heavy():
