@@ -20,6 +20,8 @@ __all__ = ["solved_rig"]
 CENTIMETRE: Final = 0.01
 ORDER: Final = (2, 1, 0)  # z, y, x: what most programs write and read
 SAME_POINT: Final = 1e-6  # metres
+VERTICAL: Final = np.array([0.0, 1.0, 0.0])
+SIDEWAYS: Final = np.array([0.6, 0.0, 0.8])  # where up and the pair of joints are one line
 # Joint, parent, name, and the way from the parent in the zero pose, a T: Y up, left is +X.
 # Names are those of HumanIK, which other programs know. The collar bones hang on the chest, so
 # that the arms don't follow the head there.
@@ -50,10 +52,11 @@ RIG: Final = (
     ("rfingers", "rwrist", "RightHand/End", (-1, 0, 0)),
 )
 PARENT: Final = {joint: parent for joint, parent, _, _ in RIG}
-# Joints whose own frame can be seen: x goes from the first to the second, y towards the third.
+# Joints whose own frame can be seen: x goes from the first to the second, y towards the third,
+# or the next that is there.
 FRAMED: Final = {
-    "root": ("rhip", "lhip", "belly"),
-    "chest": ("rshoulder", "lshoulder", "neck"),
+    "root": ("rhip", "lhip", ("belly", "chest", "neck", "head")),
+    "chest": ("rshoulder", "lshoulder", ("neck",)),
 }
 
 
@@ -85,9 +88,9 @@ def solved_rig(motion: Motion) -> Recording:
     joints = [joint for joint, *_ in rig]
     parents = [-1, *(joints.index(_parent(joint, points)) for joint in joints[1:])]
     frames = {
-        joints.index(joint): _frame(points, *by)
-        for joint, by in FRAMED.items()
-        if {joint, *by} <= points.keys()
+        joints.index(joint): _frame(points, right, left, upper)
+        for joint, (right, left, upper) in FRAMED.items()
+        if {joint, right, left} <= points.keys()
     }
     rest = np.zeros((len(rig), 3))
     for i, (joint, _, _, direction) in enumerate(rig[1:], start=1):
@@ -125,13 +128,24 @@ def _parent(joint: str, points: Mapping[str, FloatArray]) -> str:
     return parent
 
 
-def _frame(points: Mapping[str, FloatArray], right: str, left: str, upper: str) -> FloatArray:
+def _frame(
+    points: Mapping[str, FloatArray], right: str, left: str, upper: Sequence[str]
+) -> FloatArray:
     """Return the frame of a pair of joints and a third, shape (T, 3, 3), its axes as columns."""
-    x = _unit(points[left] - points[right])
     middle = (points[left] + points[right]) / 2
-    upwards = points[upper] - middle
-    y = _unit(upwards - (upwards * x).sum(axis=1, keepdims=True) * x)
+    above = next((points[joint] for joint in upper if joint in points), middle + VERTICAL)
+    x = _unit(points[left] - points[right])
+    y = _across(above - middle, x)
+    flat = np.linalg.norm(y, axis=1) < SAME_POINT
+    y[flat] = _across(np.broadcast_to(SIDEWAYS, y[flat].shape), x[flat])
+    y = _unit(y)
     return np.stack((x, y, np.cross(x, y)), axis=2)
+
+
+def _across(ways: FloatArray, axes: FloatArray) -> FloatArray:
+    """Return what of ways goes across unit vectors."""
+    across: FloatArray = ways - (ways * axes).sum(axis=1, keepdims=True) * axes
+    return across
 
 
 def _rest(ways: FloatArray, direction: Sequence[float], frame: FloatArray | None) -> FloatArray:

@@ -154,6 +154,18 @@ def test_gaps_are_bridged_and_missing_joints_left_out(take):
     assert {"RightFoot/End", "Head/End"} <= {*names}
 
 
+def test_legs_alone_are_turned_by_the_line_of_the_hips(take):
+    motion = read_take(take).motion
+    legs = [INDEX[side + joint] for joint in ("hip", "knee", "ankle", "toes") for side in "lr"]
+    positions = np.full_like(motion.positions[:300], np.nan)
+    positions[:, [0, *legs]] = motion.positions[:300, [0, *legs]]
+    rig = solved_rig(Motion(CANONICAL_JOINTS, positions, 120.0))
+    nodes = [rig.skeleton.names.index(n) for n in ("LeftUpLeg", "RightUpLeg", "LeftFoot")]
+    found = node_positions(rig, nodes) / 100
+    wanted = positions[:, [INDEX["lhip"], INDEX["rhip"], INDEX["lankle"]]]
+    assert np.linalg.norm(found - wanted, axis=2).max() < 0.05
+
+
 def test_without_hips_there_is_no_rig():
     motion = Motion(("root", "head"), np.zeros((3, 2, 3)), 30.0)
     with pytest.raises(ParameterError, match="no joint lhip"):
