@@ -57,8 +57,8 @@ class SealedKind:
         The command that makes it.
     groups : mapping of str to (str, int)
         Type and number of axes of the arrays in each group.
-    most_bytes : int
-        Of a file that is read; half of it in arrays that are written.
+    most_bytes : int, optional
+        Of a file that is read; half of it in arrays that are written. Default `SIZE_LIMIT`.
     """
 
     format: str
@@ -68,7 +68,12 @@ class SealedKind:
     content: str
     made_with: str
     groups: Mapping[str, tuple[str, int]]
-    most_bytes: int = SIZE_LIMIT
+    most_bytes: int | None = None
+
+    @property
+    def limit(self) -> int:
+        """Bytes of a file that is read."""
+        return self.most_bytes or SIZE_LIMIT
 
 
 class Wrong(Exception):
@@ -106,10 +111,10 @@ def write_sealed(
             data = np.ascontiguousarray(member, dtype=kind.groups[group][0])
             datasets[f"{group}/{number:04d}"] = data
     total = sum(data.nbytes for data in datasets.values())
-    if len(datasets) - 1 > MOST_DATASETS or total > kind.most_bytes // 2:
+    if len(datasets) - 1 > MOST_DATASETS or total > kind.limit // 2:
         raise ParameterError(
             f"{shown(path)}: {len(datasets) - 1} {kind.content} of {total} bytes are too many for "
-            f"one file, at most {MOST_DATASETS} and {kind.most_bytes // 2} bytes; use several files"
+            f"one file, at most {MOST_DATASETS} and {kind.limit // 2} bytes; use several files"
         )
     image, places = _image(datasets, list(kind.groups))
     table = {
@@ -195,9 +200,9 @@ def _read_file(path: Path, kind: SealedKind) -> bytes:
         descriptor = open_regular(Path(os.path.realpath(path)))
         try:
             size = os.fstat(descriptor).st_size
-            if size > kind.most_bytes:
+            if size > kind.limit:
                 raise StoreError(
-                    f"{shown(path)}: has {size} bytes, a {kind.called} at most {kind.most_bytes}"
+                    f"{shown(path)}: has {size} bytes, a {kind.called} at most {kind.limit}"
                 )
             data = read_exactly(descriptor, 0, size)
         finally:
