@@ -78,8 +78,8 @@ class Figure {
       }
     }
     const { root, belly, chest, neck, lhip, rhip, lshoulder, rshoulder } = JOINT;
-    this.trunk(0, points, there, [belly, neck, lshoulder, rshoulder], slim, [0.38, 0.6, 0.21]);
-    this.trunk(1, points, there, [root, chest, lhip, rhip], slim, [0.66, 0.42, 0.42]);
+    this.trunk(0, points, there, [belly, neck, lshoulder, rshoulder], slim, [0.41, 0.66, 0.2]);
+    this.trunk(1, points, there, [root, chest, lhip, rhip], slim, [0.72, 0.62, 0.42]);
     this.bones.instanceMatrix.needsUpdate = this.balls.instanceMatrix.needsUpdate = true;
   }
 
@@ -94,7 +94,7 @@ class Figure {
     const forth = new THREE.Vector3().crossVectors(across, along).normalize();
     const basis = new THREE.Matrix4().makeBasis(new THREE.Vector3().crossVectors(along, forth), along, forth);
     const turn = new THREE.Quaternion().setFromRotationMatrix(basis);
-    const middle = number ? low.clone().lerp(top, 0.22) : low.clone().lerp(top, 0.52);
+    const middle = number ? low.clone().lerp(top, 0.2) : low.clone().lerp(top, 0.5);
     set(this.balls, data.joints.length + number, known, middle, turn, [wide * width, high * length, Math.max(deep * width, 0.07 * slim)]);
   }
 }
