@@ -17,8 +17,9 @@ __all__ = ["evaluate"]
     "--truth",
     type=click.Path(path_type=Path),
     required=True,
-    metavar="FILE",
-    help="Labels: document,label and perhaps start_time,end_time (seconds),group.",
+    metavar="FILE|FOLDER",
+    help="Labels: CSV with document,label and perhaps start_time,end_time (seconds),group; or "
+    "JSON lines, or files of ELAN, Praat, WebVTT, SRT or BABEL.",
 )
 @click.option(
     "--class",

@@ -24,8 +24,9 @@ REPETITIONS = ("none", "auto")
 @click.option(
     "--labels",
     type=click.Path(path_type=Path),
-    metavar="FILE.csv",
-    help="Labels: document,label and perhaps start_time,end_time (seconds),group.",
+    metavar="FILE|FOLDER",
+    help="Labels: CSV with document,label and perhaps start_time,end_time (seconds),group; or "
+    "JSON lines, or files of ELAN, Praat, WebVTT, SRT or BABEL.",
 )
 @click.option(
     "--labels-from",

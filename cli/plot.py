@@ -18,8 +18,8 @@ picture_option = click.option(
 labels_option = click.option(
     "--labels",
     type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Labels file (CSV) to draw above.",
+    metavar="FILE|FOLDER",
+    help="Labels to draw above, as learn-mt reads them.",
 )
 document_option = click.option(
     "--document",

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from mocapidx.store.read import open_store
     from mocapidx.tasks.align import align_motions
     from mocapidx.tasks.annotate import annotate_motion
+    from mocapidx.tasks.export import export_clips
     from mocapidx.tasks.index import compact_store, index_files
     from mocapidx.tasks.info import document_info, store_info
     from mocapidx.tasks.learn import find_labels, learn_classes
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from mocapidx.tasks.reindex import reindex_store
     from mocapidx.tasks.retrieve import retrieve
     from mocapidx.tasks.skeleton_report import skeleton_report
+    from mocapidx.tasks.transcribe import export_transcripts
     from mocapidx.tasks.verify import verify_store
     from mocapidx.templates.file import load_templates
     from mocapidx.templates.template import MotionTemplate
@@ -39,6 +41,8 @@ __all__ = [
     "annotate_motion",
     "compact_store",
     "document_info",
+    "export_clips",
+    "export_transcripts",
     "extract_features",
     "find_labels",
     "index_files",
@@ -67,6 +71,8 @@ _HOMES = {
     "annotate_motion": "tasks.annotate:annotate_motion",
     "compact_store": "tasks.index:compact_store",
     "document_info": "tasks.info:document_info",
+    "export_clips": "tasks.export:export_clips",
+    "export_transcripts": "tasks.transcribe:export_transcripts",
     "extract_features": "features.extract:extract_features",
     "find_labels": "tasks.learn:find_labels",
     "index_files": "tasks.index:index_files",

@@ -124,7 +124,7 @@ def _csv_cell(value: object) -> object:
         return json.dumps(value, ensure_ascii=True)
     if not isinstance(value, str):
         return value
-    text = shown(value)
+    text = shown(value, None)  # whole, or nobody would know the document again
     return f"'{text}" if text[:1] in "=+-@" and text else text  # no formula in a spreadsheet
 
 

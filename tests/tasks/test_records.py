@@ -9,6 +9,7 @@ import pytest
 
 from mocapidx.errors import WriteError
 from mocapidx.model import Hit
+from mocapidx.printable import shown
 from mocapidx.tasks.records import HIT_COLUMNS, hit_record, render_records, save_text
 
 HIT = Hit("kick/ann.amc", 10, 25, 1 / 3, 5 / 6, 40, 100, 0.12345, "kick")
@@ -60,6 +61,41 @@ def test_yes_and_no_are_words_for_people_and_true_and_false_for_programs():
 def test_names_can_not_break_a_line(row_format):
     record = {"document": "a\nb\x1b[2J", "label": "=1+1"}
     assert len(list(render_records([record], row_format, list(record)))) == 2
+
+
+NASTY = (
+    "<script>alert(1)</script>",
+    "a\nb\r\nc",
+    "a\tb",
+    "nul\0",
+    "\ud800 \udcff",
+    "\u202eevil\u2066",
+    "\x1b[2J\x9b\u2028",
+    "=cmd|' /C calc'!A0",
+    "+1",
+    "-1",
+    "@x",
+    "../../etc/x",
+    "/abs",
+    "CON",
+    "é" * 150,
+    'a,"b",c',
+)
+
+
+@pytest.mark.parametrize("name", NASTY, ids=ascii)
+def test_whatever_a_document_is_called_records_stay_one_line_each_and_tell_it(name, tmp_path):
+    record = {"document": name, "label": name, "start_time": 0.5}
+    for row_format in ("table", "csv", "jsonl"):
+        save_text(render_records([record], row_format, list(record)), tmp_path / row_format)
+        text = (tmp_path / row_format).read_bytes().decode("utf-8")
+        assert text.replace("\n", "").isprintable()
+        assert text.count("\n") == (1 if row_format == "jsonl" else 2)
+    assert json.loads((tmp_path / "jsonl").read_text()) == record
+    with (tmp_path / "csv").open(newline="", encoding="utf-8") as file:
+        (row,) = csv.DictReader(file)
+    assert row["document"][:1] not in {*"=+-@"}
+    assert row["document"].lstrip("'") == shown(name, None)
 
 
 def test_a_file_is_written_whole_and_a_pipe_or_a_device_as_it_comes(tmp_path):
