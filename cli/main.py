@@ -32,6 +32,7 @@ COMMANDS = {
     "export": ("export:export", "Cut hits out of their motion files, a clip each."),
     "info": ("info:info", "Show what a store holds, or what is known of one document."),
     "verify": ("verify:verify", "Check every byte of a store; repair what can be rebuilt."),
+    "merge": ("merge:merge", "Join stores that independent jobs built."),
     "compact": ("compact:compact", "Merge the segment files of a store."),
     "reindex": ("reindex:reindex", "Make a store of another feature set from a store's poses."),
     "features": ("features:features", "Look at feature sets, try them, learn thresholds."),

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from mocapidx.tasks.info import document_info, store_info
     from mocapidx.tasks.learn import find_labels, learn_classes
     from mocapidx.tasks.learn_thresholds import learn_feature
+    from mocapidx.tasks.merge import merge_stores
     from mocapidx.tasks.oneshot import query_auto
     from mocapidx.tasks.query import query_store
     from mocapidx.tasks.read import read_motion
@@ -50,6 +51,7 @@ __all__ = [
     "learn_feature",
     "load_feature_set",
     "load_templates",
+    "merge_stores",
     "open_store",
     "query_auto",
     "query_store",
@@ -80,6 +82,7 @@ _HOMES = {
     "learn_feature": "tasks.learn_thresholds:learn_feature",
     "load_feature_set": "features.featureset:load_feature_set",
     "load_templates": "templates.file:load_templates",
+    "merge_stores": "tasks.merge:merge_stores",
     "open_store": "store.read:open_store",
     "query_auto": "tasks.oneshot:query_auto",
     "query_store": "tasks.query:query_store",

@@ -8,7 +8,7 @@ one. Whatever a killed writer leaves behind, the next one removes.
 
 import contextlib
 import os
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,6 +21,7 @@ from mocapidx.store import schema
 from mocapidx.store.batch import Batch, batch_shapes, batch_size, check_batch
 from mocapidx.store.encoding import decode_manifest, encode_manifest, meta_json
 from mocapidx.store.image import lay_out
+from mocapidx.store.link import link_or_copy
 from mocapidx.store.lock import locked
 from mocapidx.store.manifest import (
     Document,
@@ -129,6 +130,29 @@ class Writer:
             raise ParameterError(f"{self.path}: a merge must keep the documents as they are")
         return self._publish(batch, dead=set(), dropped={file.number for file in files})
 
+    def adopt(self, files: Sequence[tuple[Path, SegmentFile]]) -> Snapshot:
+        """Take over segment files of other stores, in one commit; nothing is read or rebuilt.
+
+        Parameters
+        ----------
+        files : sequence of (Path, SegmentFile)
+            Each with the folder of its store; the settings of all stores must be the same, and
+            their live documents have different names.
+
+        Returns
+        -------
+        Snapshot
+            After the commit.
+
+        Raises
+        ------
+        StoreError
+            If a file isn't there.
+        WriteError, ParameterError
+            As `commit` does.
+        """
+        return self._publish(None, dead=(), dropped=(), adopted=files)
+
     def set_aside(self, files: Collection[SegmentFile]) -> list[Path]:
         """Take damaged segment files, with their documents, out of the store.
 
@@ -157,13 +181,17 @@ class Writer:
         return moved
 
     def _publish(
-        self, batch: Batch | None, dead: Collection[str], dropped: Collection[int]
+        self,
+        batch: Batch | None,
+        dead: Collection[str],
+        dropped: Collection[int],
+        adopted: Sequence[tuple[Path, SegmentFile]] = (),
     ) -> Snapshot:
         if not self._usable:
             raise WriteError(f"{self.path}: an earlier commit failed; run again")
         files = [_without(file, dead) for file in self.manifest.files if file.number not in dropped]
         kept = tuple(file for file in files if any(entry.live for entry in file.documents))
-        if batch is None and kept == self.manifest.files:
+        if batch is None and not adopted and kept == self.manifest.files:
             return self._snapshot
         number = self.manifest.next_number
         manifest = replace(self.manifest, files=kept, generation=self.manifest.generation + 1)
@@ -175,6 +203,9 @@ class Writer:
                 manifest = replace(manifest, files=(*kept, file), next_number=number + 1)
             else:
                 sweep(self.path, self.manifest)
+                taken = self._link_segments(adopted, number)
+                following = number + len(taken)
+                manifest = replace(manifest, files=(*kept, *taken), next_number=following)
             data = encode_manifest(manifest)
             manifest = _readable(data, self.path)
             self._usable = False  # from here on only success tells which manifest is there
@@ -216,6 +247,22 @@ class Writer:
             image.datasets,
             tuple(batch.documents),
         )
+
+    def _link_segments(
+        self, adopted: Sequence[tuple[Path, SegmentFile]], number: int
+    ) -> list[SegmentFile]:
+        folder = self.path / schema.SEGMENTS
+        taken = []
+        for place, (store, file) in enumerate(adopted, start=number):
+            folder.mkdir(exist_ok=True)
+            for old, new, record in zip(
+                file.names, segment_names(place), (file.h5, file.idx), strict=True
+            ):
+                link_or_copy(store / schema.SEGMENTS / old, folder / new, record)
+            taken.append(replace(file, number=place))
+        if taken:
+            sync_folder(folder)
+        return taken
 
     @contextlib.contextmanager
     def _explained(self, batch: Batch | None) -> Iterator[None]:
