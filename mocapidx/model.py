@@ -83,6 +83,8 @@ class Recording:
         Metres in one file unit as far as the file itself says, else None.
     up : {"x", "y", "z", "-x", "-y", "-z"} or None
         The axis that points up as far as the format itself says, else None.
+    notes : tuple of str
+        For people: what was assumed to read it.
     """
 
     skeleton: Skeleton
@@ -92,6 +94,7 @@ class Recording:
     rate: float | None
     unit: float | None
     up: Up | None = None
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

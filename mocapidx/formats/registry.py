@@ -1,27 +1,64 @@
 """Motion files by their suffix: who reads what."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from mocapidx.errors import FormatError
+from mocapidx.formats.amass import AMASS_KEYS, amass_recording
 from mocapidx.formats.amc import find_skeleton, read_amc
+from mocapidx.formats.arrays import array_names, read_arrays
 from mocapidx.formats.bvh import read_bvh
 from mocapidx.formats.c3d import read_c3d
+from mocapidx.formats.keypoints import is_keypoint_file, read_keypoints
+from mocapidx.formats.positions import (
+    POSITION_KEYS,
+    RATE_KEYS,
+    find_joint_list,
+    is_position_table,
+    joints_from_arrays,
+    read_csv,
+    read_npy,
+)
 from mocapidx.formats.text import Limits, place
 from mocapidx.formats.trc import read_trc
 from mocapidx.model import PointRecording, Recording
 from mocapidx.printable import shown
 
-__all__ = ["SUFFIXES", "is_motion_file", "read_recording", "sources_of"]
+__all__ = ["SUFFIXES", "holds_motion", "is_motion_file", "read_recording", "sources_of"]
+
+
+def _read_npz(path: Path, limits: Limits) -> Recording | PointRecording:
+    """Tell angles of AMASS from joint positions by the names of the arrays."""
+    arrays = read_arrays(path, limits, {*AMASS_KEYS, *POSITION_KEYS, *RATE_KEYS})
+    if "positions" in arrays:
+        return joints_from_arrays(path, arrays, limits)
+    if "poses" in arrays:
+        return amass_recording(path, arrays, limits)
+    raise FormatError(
+        f"{place(path)}: has no 'poses' and no 'positions', so there is no motion in it"
+    )
+
 
 READERS: Final[dict[str, Callable[[Path, Path | None, Limits], Recording | PointRecording]]] = {
     ".amc": read_amc,
     ".bvh": lambda path, _, limits: read_bvh(path, limits),
     ".c3d": lambda path, _, limits: read_c3d(path, limits),
     ".trc": lambda path, _, limits: read_trc(path, limits),
+    ".npz": lambda path, _, limits: _read_npz(path, limits),
+    ".npy": read_npy,
+    ".csv": lambda path, _, limits: read_csv(path, limits),
+    ".json": lambda path, _, limits: read_keypoints(path, limits),
+}
+# Files of these kinds may well hold something else.
+PEEKS: Final[dict[str, Callable[[Path], bool]]] = {
+    ".npz": lambda path: bool({"poses", "positions"} & set(array_names(path))),
+    ".npy": lambda path: find_joint_list(path) is not None,
+    ".csv": is_position_table,
+    ".json": is_keypoint_file,
 }
 FARTHEST: Final = 1e9  # file units
 PIECE: Final = 4_096  # frames looked at together
@@ -45,8 +82,29 @@ def is_motion_file(path: Path) -> bool:
     return path.suffix.lower() in READERS
 
 
+def holds_motion(path: Path) -> bool:
+    """Whether a file found in a folder is one to read, by its suffix and, if need be, a look.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    bool
+        False also for npz, npy, CSV and JSON files that hold something else.
+    """
+    peek = PEEKS.get(path.suffix.lower())
+    if peek is None:
+        return is_motion_file(path)
+    return path.is_file() and peek(path)  # a pipe would block for ever
+
+
 def sources_of(path: Path, skeleton_path: Path | None = None) -> tuple[Path, ...]:
     """Return the files that a take is read from: itself, and its skeleton if it has one apart.
+
+    The skeleton of an AMC is its ASF, that of an npy file its list of joints.
 
     Parameters
     ----------
@@ -65,6 +123,9 @@ def sources_of(path: Path, skeleton_path: Path | None = None) -> tuple[Path, ...
     FormatError
         If an AMC has no ASF.
     """
+    if path.suffix.lower() == ".npy":
+        joint_list = find_joint_list(path)
+        return (path,) if joint_list is None else (path, joint_list)
     if path.suffix.lower() != ".amc":
         return (path,)
     return path, skeleton_path or find_skeleton(path)
@@ -102,19 +163,28 @@ def read_recording(
         )
     recording = reader(path, skeleton_path, limits or Limits())
     if isinstance(recording, PointRecording):
-        _check_points(path, recording)
-    else:
-        _check_lengths(path, recording)
+        return _seen_points(path, recording)
+    _check_lengths(path, recording)
     return recording
 
 
-def _check_points(path: Path, recording: PointRecording) -> None:
-    """Refuse points that no body has, before they overflow in sums and squares."""
+def _seen_points(path: Path, recording: PointRecording) -> PointRecording:
+    """Leave out points that are never seen.
+
+    Points that no body has are refused, before they overflow in sums and squares.
+    """
     far = np.argwhere(np.abs(recording.positions) > FARTHEST)
     if len(far):
         frame, point, _ = far[0].tolist()
         name = shown(recording.names[point])
         raise FormatError(f"{place(path)}: frame {frame}: point '{name}' {TOO_FAR}")
+    kept = np.flatnonzero(np.isfinite(recording.positions[:, :, 0]).any(axis=0))
+    if not len(kept):
+        raise FormatError(f"{place(path)}: no point of it is ever seen")
+    if len(kept) == len(recording.names):
+        return recording
+    names = tuple(recording.names[i] for i in kept.tolist())
+    return replace(recording, names=names, positions=recording.positions[:, kept])
 
 
 def _check_lengths(path: Path, recording: Recording) -> None:

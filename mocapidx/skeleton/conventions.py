@@ -174,6 +174,7 @@ def detect_conventions(
         ),
         coincident=coincident_joints(poses),
         evidence=(
+            *recording.notes,
             _unit_evidence(recording, look, said),
             _up_evidence(recording, look, said),
             positions_evidence,

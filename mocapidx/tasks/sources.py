@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mocapidx.errors import FormatError, ParameterError
-from mocapidx.formats.registry import is_motion_file
+from mocapidx.formats.registry import holds_motion, is_motion_file
 from mocapidx.printable import shown
 
 __all__ = ["Source", "find_sources"]
@@ -66,7 +66,7 @@ def find_sources(
     passed_over = 0
     for given in inputs:
         for path in _files(given):
-            if not is_motion_file(path):
+            if not (is_motion_file(path) if path == given else holds_motion(path)):
                 if path == given:
                     raise FormatError(f"{shown(str(path))}: not a kind of motion file that is read")
                 passed_over += path.suffix.lower() != ".asf"  # skeletons belong to AMC files
