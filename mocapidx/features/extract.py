@@ -24,6 +24,7 @@ from mocapidx.skeleton.resample import resample_motion
 
 __all__ = [
     "Margins",
+    "all_features",
     "condition_values",
     "extract_features",
     "feature_margins",
@@ -86,7 +87,28 @@ def extract_features(
     """
     features = load_feature_set(feature_set)
     motion = _at_rate(motion, rate)
-    conditions = [feature.condition for feature in features.features]
+    found = all_features(motion, features)
+    untrusted = untrusted_features(motion, features)
+    found[:, [i for i in range(found.shape[1]) if untrusted >> i & 1]] = False
+    return found
+
+
+def all_features(motion: Motion, feature_set: AnyFeatureSet = "f39") -> BoolArray:
+    """Compute the boolean features of a motion, those too that its joints can't tell.
+
+    Parameters
+    ----------
+    motion : Motion
+        At the rate wanted.
+    feature_set : str, Path or FeatureSet
+        A shipped name, the path of a TOML file, or a set.
+
+    Returns
+    -------
+    ndarray of bool, shape (T, F)
+        As `extract_features`, but of features that `untrusted_features` names anything.
+    """
+    conditions = [feature.condition for feature in load_feature_set(feature_set).features]
     parts = _all_leaves(conditions)
     on, off = _intervals(parts)
     scales = body_lengths(motion)
@@ -100,8 +122,6 @@ def extract_features(
         each = dict(zip(parts, states, strict=True))
         for i, condition in enumerate(conditions):
             found[i, start : start + states.shape[1]] = combine(condition, each)
-    untrusted = untrusted_features(motion, features)
-    found[[i for i in range(len(conditions)) if untrusted >> i & 1]] = False
     return np.ascontiguousarray(found.T)
 
 

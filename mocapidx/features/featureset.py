@@ -54,6 +54,10 @@ class FeatureSet:
     features: tuple[Feature, ...]
     text: str
 
+    def __hash__(self) -> int:
+        """Hash the text alone, which is quick; sets that are equal have it in common."""
+        return hash(self.text)
+
     @cached_property
     def digest(self) -> str:
         """BLAKE2b of all that decides the bits, in hexadecimal; not comments, names, source."""

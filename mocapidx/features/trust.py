@@ -1,11 +1,12 @@
 """What a motion's joints can be trusted to tell: lengths of the body and sound features."""
 
 from collections.abc import Iterable
-from typing import Final
+from functools import lru_cache
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from mocapidx.features.featureset import AnyFeatureSet, load_feature_set
+from mocapidx.features.featureset import AnyFeatureSet, FeatureSet, load_feature_set
 from mocapidx.features.kinds import KINDS
 from mocapidx.features.relations import Condition, joint_names, leaves
 from mocapidx.model import BoolArray, FloatArray, Motion
@@ -79,25 +80,54 @@ def untrusted_features(motion: Motion, feature_set: AnyFeatureSet = "f39") -> in
             one_point[pair] = _coincide(motion, rows[first], rows[second])
         return one_point[pair]
 
-    def is_trusted(condition: Condition) -> bool:
-        if not real.issuperset(joint_names(condition.joints)):
-            return False
-        unit = condition.unit.removesuffix("/s")
-        if unit in LENGTHS and not any(
-            real.issuperset(bone) and not coincide(*bone) for bone in LENGTHS[unit]
-        ):
-            return False
-        return not any(coincide(*pair) for pair in _pairs_apart(condition))
+    def is_met(demand: _Demand) -> bool:
+        return (
+            real.issuperset(demand.joints)
+            and not any(coincide(*pair) for pair in demand.apart)
+            and (
+                not demand.bones
+                or any(real.issuperset(bone) and not coincide(*bone) for bone in demand.bones)
+            )
+        )
 
-    trusted: dict[Condition, bool] = {}
     mask = 0
-    for i, feature in enumerate(load_feature_set(feature_set).features):
-        for leaf in leaves(feature.condition):
-            if leaf not in trusted:
-                trusted[leaf] = is_trusted(leaf)
-            if not trusted[leaf]:
-                mask |= 1 << i
+    for demand, features in _demands(load_feature_set(feature_set)):
+        if not is_met(demand):
+            mask |= features
     return mask
+
+
+class _Demand(NamedTuple):
+    """What a generic feature needs of a motion.
+
+    Parameters
+    ----------
+    joints : frozenset of str
+        That must be real.
+    bones : tuple of pairs of str
+        One of which must have a length.
+    apart : tuple of pairs of str
+        That must not be one point.
+    """
+
+    joints: frozenset[str]
+    bones: tuple[tuple[str, str], ...]
+    apart: tuple[tuple[str, str], ...]
+
+
+@lru_cache(maxsize=16)
+def _demands(feature_set: FeatureSet) -> tuple[tuple[_Demand, int], ...]:
+    """Return all that a set demands, and the features that do."""
+    demands: dict[_Demand, int] = {}
+    for i, feature in enumerate(feature_set.features):
+        for leaf in leaves(feature.condition):
+            demand = _Demand(
+                frozenset(joint_names(leaf.joints)),
+                LENGTHS.get(leaf.unit.removesuffix("/s"), ()),
+                tuple(_pairs_apart(leaf)),
+            )
+            demands[demand] = demands.get(demand, 0) | 1 << i
+    return tuple(demands.items())
 
 
 def absent_joints(positions: FloatArray) -> BoolArray:
@@ -129,11 +159,11 @@ def _bone_length(motion: Motion, start: int, end: int) -> float:
 
 def _coincide(motion: Motion, first: int, second: int) -> bool:
     """Return whether two joints are one point in all frames that have both."""
-    for frames in (slice(1), slice(None)):  # nearly always the first frame tells
-        gap = motion.positions[frames, second].astype(np.float64) - motion.positions[frames, first]
-        if (np.abs(gap) > COINCIDENT).any():
-            return False
-    return True
+    start, end = (motion.positions[:1, joint].ravel().tolist() for joint in (first, second))
+    if any(abs(b - a) > COINCIDENT for a, b in zip(start, end, strict=True)):
+        return False  # nearly always the first frame tells
+    gap = motion.positions[:, second].astype(np.float64) - motion.positions[:, first]
+    return not bool((np.abs(gap) > COINCIDENT).any())
 
 
 def _pairs_apart(condition: Condition) -> Iterable[tuple[str, str]]:

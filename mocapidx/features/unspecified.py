@@ -10,7 +10,7 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from mocapidx.features.extract import extract_features, untrusted_features
+from mocapidx.features.extract import all_features, untrusted_features
 from mocapidx.features.featureset import AnyFeatureSet, load_feature_set
 from mocapidx.features.kinds import KINDS
 from mocapidx.features.relations import Condition, joint_names, leaves
@@ -63,7 +63,7 @@ def feature_words(motion: Motion, feature_set: AnyFeatureSet = "f39") -> Feature
     """
     features = load_feature_set(feature_set)
     untrusted = untrusted_features(motion, features)
-    words = pack_words(extract_features(motion, features, motion.rate))
+    words = pack_words(all_features(motion, features))
     unknown = _unknown_joints(motion)
     if unknown is None:
         return FeatureWords(words & ~np.uint64(untrusted), untrusted, ())

@@ -6,7 +6,9 @@ tell; `mocapidx.formats.amc_frames` reads the rest.
 
 import math
 import os
+import time
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
@@ -24,6 +26,7 @@ __all__ = ["find_skeleton", "read_amc"]
 
 BLOCK: Final = 1 << 18  # bytes read at a time: what fits a processor's cache
 SLOWEST, FASTEST = 0.1, 10_000.0  # Hz
+SETTLED: Final = 2_000_000_000  # nanoseconds; some file systems count time in steps of two seconds
 
 
 def find_skeleton(path: Path) -> Path:
@@ -63,11 +66,24 @@ def find_skeleton(path: Path) -> Path:
     )
 
 
-def _skeletons_in(folder: Path) -> list[Path]:
+def _skeletons_in(folder: Path) -> tuple[Path, ...]:
+    """Return the ASF files of a folder; of one with many takes it is read once."""
     try:
-        return sorted(p for p in folder.iterdir() if p.suffix.lower() == ".asf")
+        changed = os.stat(folder).st_mtime_ns
+        # a folder that changes right now may do so once more at what its clock takes for the same
+        # moment
+        settled = time.time_ns() - changed > SETTLED
+        return (_settled_skeletons if settled else _list_skeletons)(folder, changed)
     except OSError:
-        return []
+        return ()
+
+
+def _list_skeletons(folder: Path, changed: int) -> tuple[Path, ...]:
+    names = sorted(name for name in os.listdir(folder) if name.lower().endswith(".asf"))
+    return tuple(path for path in map(folder.joinpath, names) if path.suffix.lower() == ".asf")
+
+
+_settled_skeletons = lru_cache(maxsize=64)(_list_skeletons)
 
 
 def _begins(stem: str, name: str) -> bool:

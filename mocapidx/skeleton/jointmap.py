@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from mocapidx.errors import FeatureSetError, FormatError
-from mocapidx.model import Skeleton
+from mocapidx.model import BoolArray, Skeleton
 from mocapidx.printable import shown
 from mocapidx.skeleton.joints import CANONICAL_JOINTS, INDEX
 from mocapidx.toml_files import parse_toml, read_toml_text
@@ -115,34 +115,55 @@ def choose_map(skeleton: Skeleton, joint_map: JointMap | None = None, where: str
     FormatError
         If no map fits; the message names the map that comes nearest and what it misses.
     """
-    candidates = shipped_maps() if joint_map is None else (joint_map,)
-    fits: list[Mapping24] = []
-    misses: list[tuple[int, str, str]] = []
-    for candidate in candidates:
-        mapping, missing = _fit(skeleton, candidate)
-        if mapping is not None:
-            fits.append(mapping)
-        else:
-            misses.append((len(missing), candidate.name, missing[0]))
-    if fits:
-        return max(fits, key=lambda m: (sum(n >= 0 for n in m.nodes), len(m.joint_map.needs)))
-    _, name, missed = min(misses)
+    names, has_length = skeleton.names, np.any(skeleton.offsets, axis=1)
+    if joint_map is None:
+        found = _choose_shipped(names, has_length.tobytes())
+    else:
+        found = _choose(names, has_length, (joint_map,))
+    if isinstance(found, Mapping24):
+        return found
+    name, missed = found
     raise FormatError(
         f"{where}: no joint map fits its names; the nearest, '{shown(name)}', {missed}; "
         "write a map of your own and name it with --joint-map"
     )
 
 
-def _fit(skeleton: Skeleton, joint_map: JointMap) -> tuple[Mapping24 | None, list[str]]:
+@lru_cache(maxsize=64)
+def _choose_shipped(names: tuple[str, ...], has_length: bytes) -> Mapping24 | tuple[str, str]:
+    """Choose once for all takes of a skeleton."""
+    return _choose(names, np.frombuffer(has_length, dtype=np.bool_), shipped_maps())
+
+
+def _choose(
+    names: tuple[str, ...], has_length: BoolArray, candidates: Iterable[JointMap]
+) -> Mapping24 | tuple[str, str]:
+    """Return the map that finds most, or the name of the nearest and what it misses."""
+    fits: list[Mapping24] = []
+    misses: list[tuple[int, str, str]] = []
+    for candidate in candidates:
+        mapping, missing = _fit(names, has_length, candidate)
+        if mapping is not None:
+            fits.append(mapping)
+        else:
+            misses.append((len(missing), candidate.name, missing[0]))
+    if fits:
+        return max(fits, key=lambda m: (sum(n >= 0 for n in m.nodes), len(m.joint_map.needs)))
+    return min(misses)[1:]
+
+
+def _fit(
+    names: tuple[str, ...], has_length: BoolArray, joint_map: JointMap
+) -> tuple[Mapping24 | None, list[str]]:
     """Return the nodes of the joints, or what is missing for them."""
     best: list[str] = []
-    for place in _places(skeleton.names, joint_map.strip):
+    for place in _places(names, joint_map.strip):
         missing = [f"needs '{shown(n)}'" for n in joint_map.needs if n not in place]
         missing += [f"does not expect '{shown(n)}'" for n in joint_map.lacks if n in place]
         nodes = []
         for joint in CANONICAL_JOINTS:
             alternatives = joint_map.joints.get(joint, ())
-            node = _first_node(skeleton, place, alternatives)
+            node = _first_node(has_length, place, alternatives)
             nodes.append(node)
             if alternatives and node < 0 and joint not in OPTIONAL:
                 missing.append(f"needs '{shown(alternatives[0])}' for {joint}")
@@ -172,11 +193,11 @@ def _common_prefix(names: tuple[str, ...]) -> str:
     return low[: low.rfind("_", 0, length) + 1]
 
 
-def _first_node(skeleton: Skeleton, place: dict[str, int], names: Iterable[str]) -> int:
+def _first_node(has_length: BoolArray, place: dict[str, int], names: Iterable[str]) -> int:
     """Return the first node there is; an End Site on its own joint is no point of its own."""
     for name in names:
         node = place.get(name, -1)
-        if node >= 0 and not (name.endswith("/End") and not np.any(skeleton.offsets[node])):
+        if node >= 0 and (has_length[node] or not name.endswith("/End")):
             return node
     return -1
 
