@@ -8,13 +8,15 @@ from typing import Final
 import numpy as np
 
 from mocapidx.errors import FormatError
+from mocapidx.formats.decimals import decimal
 from mocapidx.formats.text import Limits, place, read_text
 from mocapidx.model import IndexArray
 
-__all__ = ["TextFrames", "amc_frames", "bvh_frames"]
+__all__ = ["TextFrames", "amc_frames", "bvh_frames", "with_rate"]
 
 FRAMES: Final = re.compile(rb"(?im)^[ \t]*frames[ \t]*:[ \t]*(\+?[0-9]{1,18})[ \t\r]*$")
 ROW: Final = re.compile(rb"\S[^\n]*")
+KEYWORD: Final = re.compile(rb"(?m)^[ \t]*:")
 FRAME_LINE: Final = re.compile(rb"(?m)^[ \t]*([0-9]{1,15})(?=[ \t\r]*$)")
 
 
@@ -127,3 +129,25 @@ def amc_frames(path: Path, limits: Limits) -> TextFrames:
     data = read_text(path, limits)
     spans = [line.span(1) for line in FRAME_LINE.finditer(data)]
     return TextFrames(path, data, np.array(spans, np.int64).reshape(-1, 2), None)
+
+
+def with_rate(text: bytes, rate: float) -> bytes:
+    """Let an AMC say its rate, which few do.
+
+    Parameters
+    ----------
+    text : bytes
+        The file.
+    rate : float
+        Frames a second, in Hz.
+
+    Returns
+    -------
+    bytes
+        With a line ``:SAMPLES-PER-SECOND`` before the other keywords: readers that know none
+        but ``:DEGREES`` look for that one last.
+    """
+    first = KEYWORD.search(text) or FRAME_LINE.search(text)
+    at = 0 if first is None else first.start()
+    end = b"\r\n" if b"\r\n" in text else b"\n"
+    return b"%b:SAMPLES-PER-SECOND %b%b%b" % (text[:at], decimal(rate).encode(), end, text[at:])

@@ -6,9 +6,8 @@ from typing import Final, Literal, TypeAlias
 
 from mocapidx.errors import FormatError
 from mocapidx.formats.amc import read_amc
-from mocapidx.formats.registry import sources_of
 from mocapidx.formats.slice_c3d import c3d_frames
-from mocapidx.formats.slice_text import amc_frames, bvh_frames
+from mocapidx.formats.slice_text import amc_frames, bvh_frames, with_rate
 from mocapidx.formats.text import Limits, read_text
 from mocapidx.formats.write_bvh import bvh_text
 from mocapidx.formats.write_positions import positions_csv, positions_npz
@@ -87,7 +86,7 @@ def open_source(origin: Origin, to: ClipFormat) -> ClipSource:
     if suffix == ".bvh" and to in ("source", "bvh"):
         cut = _as_it_is(suffix, bvh_frames(origin.path, limits).cut)
     elif suffix == ".amc" and to == "source":
-        cut = _with_skeleton(origin, limits)
+        cut = _with_skeleton(origin, reading, limits)
     elif suffix == ".c3d" and to == "source":
         cut = _as_it_is(suffix, c3d_frames(origin.path, limits).cut)
     elif suffix == ".amc" and to == "bvh":
@@ -103,10 +102,17 @@ def _as_it_is(suffix: str, cut: Callable[[int, int], bytes]) -> Cut:
     return lambda start, end: Clip(((suffix, cut(start, end)),), KEPT)
 
 
-def _with_skeleton(origin: Origin, limits: Limits) -> Cut:
-    skeleton = read_text(sources_of(origin.path, origin.options.skeleton)[1], limits)
+def _with_skeleton(origin: Origin, reading: Reading, limits: Limits) -> Cut:
+    skeleton = read_text(reading.sources[1], limits)
     frames = amc_frames(origin.path, limits)
-    return lambda start, end: Clip(((".amc", frames.cut(start, end)), (".asf", skeleton)), KEPT)
+
+    def cut(start: int, end: int) -> Clip:
+        text = frames.cut(start, end)
+        if reading.rate_origin != "file":  # the clip's name doesn't tell it any more
+            text = with_rate(text, reading.motion.rate)
+        return Clip(((".amc", text), (".asf", skeleton)), KEPT)
+
+    return cut
 
 
 def _as_joints(origin: Origin, reading: Reading) -> Cut:

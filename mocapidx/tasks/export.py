@@ -213,6 +213,7 @@ def _write(
         "rate": rate,
         "unit": conventions.unit,
         "up": conventions.up,
+        "root_positions": conventions.root_positions,
         "holds": clip.holds,
         "source": str(source.origin.path.absolute()),
     }

@@ -18,7 +18,7 @@ from mocapidx.transcripts.spans import Span, Transcript
 
 __all__ = ["TRANSCRIPTS", "export_transcripts", "transcribe"]
 
-COLUMNS: Final = ("document", "label", "start_time", "end_time", "cost")
+COLUMNS: Final = ("document", "label", "start_time", "end_time")
 ROWS: Final = {"labels": "csv", "jsonl": "jsonl"}  # what is records, and how they are printed
 TRANSCRIPTS: Final = (*KINDS, *ROWS)
 
@@ -112,8 +112,8 @@ def _rows(transcripts: Sequence[Transcript], row_format: str) -> bytes:
             "label": span.label,
             "start_time": span.start,
             "end_time": span.end,
-            "cost": span.cost,
         }
+        | ({"cost": span.cost} if row_format == "jsonl" else {})
         for each in transcripts
         for span in sorted(each.spans, key=lambda span: (span.start or 0.0, span.end or 0.0))
     ]

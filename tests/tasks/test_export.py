@@ -59,7 +59,7 @@ def test_a_clip_has_the_very_values_of_its_stretch(exported, fixtures_dir, docum
     np.testing.assert_array_equal(part.values, whole.values[start:end])
     np.testing.assert_array_equal(part.skeleton.offsets, whole.skeleton.offsets)
     assert part.skeleton.names == whole.skeleton.names
-    assert part.rate == whole.rate
+    assert part.rate == clip["rate"]
 
 
 def test_an_amc_goes_with_its_own_skeleton(exported, fixtures_dir):
@@ -70,6 +70,22 @@ def test_an_amc_goes_with_its_own_skeleton(exported, fixtures_dir):
         skeleton = sources_of(folder / clip["file"])[1]
         assert skeleton.stem == (folder / clip["file"]).stem
         assert skeleton.read_bytes() == (fixtures_dir / "takes" / f"{actor}.asf").read_bytes()
+
+
+@pytest.mark.parametrize("ends", [b"\n", b"\r\n"])
+def test_a_clip_of_an_amc_says_the_rate_that_its_name_told(tmp_path, fixtures_dir, ends):
+    own = tmp_path / "own"
+    own.mkdir()
+    text = (fixtures_dir / TAKES[0]).read_bytes().replace(b"\n", ends)
+    (own / "take_200.amc").write_bytes(text)
+    (own / "take.asf").write_bytes((fixtures_dir / "takes" / "ann.asf").read_bytes())
+    hits = records_file(tmp_path / "hits.jsonl", [record("take_200.amc", 1.0, 2.0)])
+    export_clips(hits, tmp_path / "clips", ExportOptions(roots=(own,)))
+    (clip,) = sidecar(tmp_path / "clips")
+    assert clip["rate"] == 200
+    part, whole = read_take(tmp_path / "clips" / clip["file"]), read_take(own / "take_200.amc")
+    assert (part.motion.rate, part.rate_origin) == (200, "file")
+    np.testing.assert_array_equal(part.motion.positions, whole.motion.positions[200:400])
 
 
 @pytest.mark.parametrize("document", TAKES)
@@ -117,14 +133,9 @@ def test_handles_end_where_the_motion_ends(exported, fixtures_dir):
     assert (last["handle_before"], last["handle_after"]) == (2.0, 0.0)
 
 
-def test_a_pose_before_the_motion_is_no_handle(exported, fixtures_dir, tmp_path):
-    text = (fixtures_dir / TAKES[1]).read_text()
-    _, (clip,) = exported(
-        [record(TAKES[1], 0.0, 1.0)],
-        handles=1.0,
-        read=replace(ExportOptions().read, keep_first_frame=False),
-    )
-    assert text
+def test_a_pose_before_the_motion_is_no_handle(exported):
+    read = replace(ExportOptions().read, keep_first_frame=False)
+    _, (clip,) = exported([record(TAKES[1], 0.0, 1.0)], handles=1.0, read=read)
     assert clip["clip_start_frame"] == clip["source_start_frame"] == 1
 
 
@@ -198,6 +209,40 @@ def test_links_in_the_folder_are_not_followed(exported, tmp_path, force):
     with pytest.raises(ParameterError, match="symbolic link"):
         exported([record(TAKES[1], 1.0, 2.0)], force=force)
     assert outside.read_text() == "mine"
+
+
+REAL = {
+    "c3d/PiG_Motion3_FF.c3d": ".c3d",
+    "c3d/PlugInC3D.c3d": ".c3d",
+    "trc/pyomeca_markers.trc": ".npz",
+    "bandai/2/dataset-2_raise-up-left-hand_normal_002.bvh": ".bvh",
+    "cmu/02/02_03.amc": ".amc",
+}
+
+
+@pytest.mark.parametrize("document", REAL)
+def test_real_files_of_every_kind_are_cut(exported, real_data, document):
+    folder, (clip,) = exported([record(document, 0.2, 0.9)], roots=(real_data,))
+    assert clip["file"].endswith(REAL[document])
+    whole = read_take(real_data / document)
+    start, end = clip["clip_start_frame"], clip["clip_end_frame"]
+    expected = whole.motion.positions[start - whole.source_start : end - whole.source_start]
+    if REAL[document] == ".npz":
+        with np.load(folder / clip["file"], allow_pickle=False) as arrays:
+            np.testing.assert_array_equal(arrays["positions"], expected)
+        return
+    read = {"unit": clip["unit"], "up": clip["up"], "keep_first_frame": True}
+    part = read_motion(folder / clip["file"], **read)
+    np.testing.assert_array_equal(part.positions, expected)
+    assert part.rate == whole.motion.rate
+
+
+@pytest.mark.parametrize("document", REAL)
+def test_real_files_of_every_kind_become_bvh(exported, real_data, document):
+    folder, (clip,) = exported([record(document, 0.2, 0.9)], roots=(real_data,), to="bvh")
+    recording = read_recording(folder / clip["file"])
+    assert len(recording.values) == clip["clip_end_frame"] - clip["clip_start_frame"]
+    assert recording.rate == clip["rate"]
 
 
 BAD_NAMES = (
