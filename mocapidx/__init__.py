@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from mocapidx.tasks.query import query_store
     from mocapidx.tasks.read import read_motion
     from mocapidx.tasks.reindex import reindex_store
+    from mocapidx.tasks.report import make_report
     from mocapidx.tasks.retrieve import retrieve
     from mocapidx.tasks.skeleton_report import skeleton_report
     from mocapidx.tasks.transcribe import export_transcripts
@@ -51,6 +52,7 @@ __all__ = [
     "learn_feature",
     "load_feature_set",
     "load_templates",
+    "make_report",
     "merge_stores",
     "open_store",
     "query_auto",
@@ -82,6 +84,7 @@ _HOMES = {
     "learn_feature": "tasks.learn_thresholds:learn_feature",
     "load_feature_set": "features.featureset:load_feature_set",
     "load_templates": "templates.file:load_templates",
+    "make_report": "tasks.report:make_report",
     "merge_stores": "tasks.merge:merge_stores",
     "open_store": "store.read:open_store",
     "query_auto": "tasks.oneshot:query_auto",
