@@ -38,6 +38,7 @@ COMMANDS = {
     "features": ("features:features", "Look at feature sets, try them, learn thresholds."),
     "align": ("align:align", "Say which frame of one motion goes with which of another."),
     "skeleton": ("skeleton:skeleton", "Show how a file's skeleton is understood, and why."),
+    "doctor": ("doctor:doctor", "Examine motion files: what is recognised, what is not sound."),
     "config": ("config:config", "Show settings from files, and where each value comes from."),
     "completion": ("completion:completion", "Make a shell complete commands and options."),
     "man": ("man:man", "Write the manual pages."),

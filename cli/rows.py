@@ -15,7 +15,7 @@ from .main import say
 if TYPE_CHECKING:
     from mocapidx.tasks.records import Record
 
-__all__ = ["note", "print_rows", "row_options", "warn"]
+__all__ = ["note", "print_lines", "print_rows", "row_options", "warn"]
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -48,9 +48,15 @@ def print_rows(
     above: Iterable[str] = (),
 ) -> None:
     """Print records to stdout or to a file, below what lines there are to stand above them."""
-    from mocapidx.tasks.records import render_records, save_text
+    from mocapidx.tasks.records import render_records
 
-    lines = chain(above, render_records(records, row_format, columns))
+    print_lines(chain(above, render_records(records, row_format, columns)), output)
+
+
+def print_lines(lines: Iterable[str], output: Path) -> None:
+    """Print lines to stdout or to a file."""
+    from mocapidx.tasks.records import save_text
+
     if str(output) == "-":
         for line in lines:
             click.echo(line)

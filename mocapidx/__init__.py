@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from mocapidx.tasks.align import align_motions
     from mocapidx.tasks.annotate import annotate_motion
     from mocapidx.tasks.export import export_clips
+    from mocapidx.tasks.doctor import examine
     from mocapidx.tasks.index import compact_store, index_files
     from mocapidx.tasks.info import document_info, store_info
     from mocapidx.tasks.learn import find_labels, learn_classes
@@ -43,6 +44,7 @@ __all__ = [
     "annotate_motion",
     "compact_store",
     "document_info",
+    "examine",
     "export_clips",
     "export_transcripts",
     "extract_features",
@@ -77,6 +79,7 @@ _HOMES = {
     "document_info": "tasks.info:document_info",
     "export_clips": "tasks.export:export_clips",
     "export_transcripts": "tasks.transcribe:export_transcripts",
+    "examine": "tasks.doctor:examine",
     "extract_features": "features.extract:extract_features",
     "find_labels": "tasks.learn:find_labels",
     "index_files": "tasks.index:index_files",
