@@ -120,7 +120,7 @@ def _card(number: int, hit: PageHit, content: PageContent, colour: str) -> str:
         f'<span class="line"><span class="label">{rank}',
         f'<svg class="swatch" viewBox="0 0 8 8" aria-hidden="true">'
         f'<rect width="8" height="8" rx="2" fill="{colour}"/></svg>{_text(hit.label)}</span>',
-        f'<span class="cost">{hit.cost:.4g}</span></span>',
+        f'<span class="cost">{hit.cost:.3f}</span></span>',
         f'<span class="document" title="{name}"><bdi>{name}</bdi></span>',
         f'<span class="times">{start:.2f} – {end:.2f} s</span>',
         "</button></li>",

@@ -7,7 +7,8 @@ const cards = [...document.querySelectorAll(".card")].map((element) => ({
   element,
   hit: data.hits[Number(element.dataset.hit)],
   visible: false,
-  drawn: false,
+  drawn: false, // its stripes
+  fresh: true, // to be drawn even if nothing moves
 }));
 let playingAll = !calm;
 let chosenCard = null;
@@ -40,6 +41,7 @@ function fillCards(choose, moving) {
 /** Draw a visible card as it is at a time in seconds. */
 function drawCard(card, studio, time, speed, mode) {
   const clip = hitClip(card.hit);
+  card.fresh = false;
   if (!card.drawn) drawMini(card, clip);
   const frames = clip.end - clip.start;
   const place = (time * data.rate * speed) % (frames + HOLD * data.rate);

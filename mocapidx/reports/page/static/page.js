@@ -22,25 +22,28 @@ function start() {
   let last = 0;
   let turnOf = 0;
   let rested = 0; // when small figures may be drawn again
-  let again = true; // small figures are to be drawn even if they stand
+
+  const refresh = () => {
+    for (const card of cards) card.fresh = true;
+  };
 
   const anew = () => {
     studio?.paint();
     for (const card of cards) card.drawn = false;
+    refresh();
     drawCharts();
-    again = true;
   };
 
   const drawCards = () => {
     const visible = cards.filter((card) => card.visible && !card.element.hidden);
-    const these = playingAll || again ? visible : visible.filter((card) => !card.drawn);
+    const fresh = visible.filter((card) => card.fresh);
+    const these = fresh.length || !playingAll ? fresh : visible;
     const began = performance.now();
     let spent = 0;
     for (let i = 0; i < these.length && spent < BUDGET; i += 1) {
       turnOf = (turnOf + 1) % these.length;
       drawCard(these[turnOf], studio, time, playingAll ? speed() : 1, $("beside").value);
       spent = performance.now() - began;
-      if (i + 1 === these.length) again = false;
     }
     if (spent > BUDGET) rested = performance.now() + REST * spent;
   };
@@ -68,7 +71,7 @@ function start() {
   setPlaying(stage.playing);
   setPlayingAll(playingAll);
   $("play-all").addEventListener("click", () => setPlayingAll(!playingAll));
-  $("beside").addEventListener("change", () => { again = true; });
+  $("beside").addEventListener("change", refresh);
   new ResizeObserver(anew).observe($("viewport"));
   choose(cards[0], false);
   requestAnimationFrame(tick);

@@ -35,7 +35,8 @@ function setRange() {
   if (!kept) stage.frame = hit.start;
   const entry = data.documents[hit.document];
   const held = stage.clip.piece.frames === entry.frames ? "" : ` · the page holds ${seconds(stage.clip.piece.start)} – ${seconds(stage.clip.piece.start + stage.clip.piece.frames)} s`;
-  $("take").textContent = `${seconds(entry.frames)} s${held}`;
+  stage.told = `${seconds(entry.frames)} s${held}`;
+  $("take").textContent = stage.told;
   drawCharts();
 }
 
@@ -178,6 +179,12 @@ function tellFeature(event) {
   $("feature").textContent = `${feature.id} ${feature.name} (${feature.part})`;
 }
 
+function tellTake(event) {
+  const frame = shareOf(event, $("timeline")) * data.documents[stage.hit.document].frames;
+  const labels = labelsAt(stage.hit.document, frame);
+  $("take").textContent = `${seconds(frame)} s${labels && ` · ${labels}`}`;
+}
+
 function wireStage() {
   $("play").addEventListener("click", () => setPlaying(!stage.playing));
   $("back").addEventListener("click", () => step(-1));
@@ -199,6 +206,8 @@ function wireStage() {
   drag($("timeline"), seekTake);
   $("stripes").addEventListener("pointermove", tellFeature);
   $("stripes").addEventListener("pointerleave", () => { $("feature").textContent = ""; });
+  $("timeline").addEventListener("pointermove", tellTake);
+  $("timeline").addEventListener("pointerleave", () => { $("take").textContent = stage.told; });
   $("viewport").addEventListener("wheel", (event) => {
     event.preventDefault();
     zoom(Math.exp(event.deltaY * 0.001));
