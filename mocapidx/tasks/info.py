@@ -8,6 +8,7 @@ import numpy as np
 
 from mocapidx.errors import ParameterError
 from mocapidx.features.featureset import PARTS, FeatureSet
+from mocapidx.features.unspecified import unspecified_within
 from mocapidx.kernels.choice import instructions_in_use, kernels_in_use
 from mocapidx.printable import shown
 from mocapidx.store import schema
@@ -16,6 +17,7 @@ from mocapidx.store.read import Snapshot, open_store
 from mocapidx.tasks.records import Record
 from mocapidx.tasks.segment_sources import segment_source, store_feature_set, untrusted_mask
 from mocapidx.tasks.stored import REST
+from mocapidx.tasks.unspecified import UNSPECIFIED, unspecified_in
 from mocapidx.tasks.where import meeting
 
 __all__ = ["DOCUMENT_COLUMNS", "document_info", "list_documents", "store_info"]
@@ -132,6 +134,9 @@ def document_info(store: str | Path, name: str) -> Record:
             low, high = part.starts.search(np.array(ends))
             facts[f"{name}_segments"] = int(high - low)
         facts["untrusted_features"] = _untrusted(document, feature_set)
+        if UNSPECIFIED in document.rig:
+            rate = snapshot.manifest.settings.rate
+            facts["open_in_gaps"] = _open_in_gaps(document, feature_set, rate)
         facts |= {**_rig_facts(document.rig), **document.facts}
     return facts
 
@@ -189,7 +194,7 @@ def _rig_facts(rig: Rig) -> Record:
     for key, value in rig.items():
         if key == "coincident":
             facts[key] = ", ".join(f"{one} = {other}" for one, other in value) or "none"
-        elif isinstance(value, (list, tuple)) and key not in ("skeleton", REST):
+        elif isinstance(value, (list, tuple)) and key not in ("skeleton", REST, UNSPECIFIED):
             facts[key] = ", ".join(map(str, value)) or "none"
         elif isinstance(value, (int, float, str)) and key not in ("options", "untrusted"):
             facts[key] = value
@@ -210,6 +215,17 @@ def _find(snapshot: Snapshot, name: str) -> Placed:
     )
 
 
+def _open_in_gaps(document: Document, feature_set: FeatureSet, rate: float) -> str:
+    """Say which features can't be told for a while, and for how long."""
+    stretches = unspecified_in(document)
+    mask = unspecified_within(stretches, 0, document.frames)
+    seconds = sum(end - start for start, end, _ in stretches) / rate
+    return f"{_named(mask, feature_set)}, for {seconds:.2f} s"
+
+
 def _untrusted(document: Document, feature_set: FeatureSet) -> str:
-    mask = untrusted_mask(document)
+    return _named(untrusted_mask(document), feature_set)
+
+
+def _named(mask: int, feature_set: FeatureSet) -> str:
     return ", ".join(id for bit, id in enumerate(feature_set.ids) if mask >> bit & 1) or "none"
