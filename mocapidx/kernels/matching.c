@@ -19,7 +19,7 @@
 #endif
 
 enum {
-    BLOCK = 2048, /* frames; a multiple of all registers */
+    BLOCK = 2048, /* frames; a multiple of what is counted together */
     PLANES = 8,
     BEFORE = 16, /* room in front of a row: two values of the block before, and alignment */
 };
@@ -30,12 +30,19 @@ typedef struct {
     _Alignas(64) float rows[3][BEFORE + BLOCK];
 } Room;
 
-/* One level of instructions. `add_plane` adds to `counts`, or sets them if `first`, the number
-   of bits of each byte of a plane that differ from `one` where `care` is set; it may go on to
-   the end of a whole register. `add_row` fills a row from the two above it. */
+/* What a row of a template asks of the bytes of a word: the planes that count, and in each the
+   bits that should be set and those that matter. */
 typedef struct {
-    void (*add_plane)(const uint8_t *plane, uint8_t one, uint8_t care, uint8_t *counts,
-                      Py_ssize_t frames, int first);
+    int planes;
+    int plane[PLANES];
+    uint8_t ones[PLANES], care[PLANES];
+} Bytes;
+
+/* One level of instructions. `count` finds how many bits of each frame differ from what a row
+   asks; it may go on to the end of the registers that it fills together. `add_row` fills a row
+   from the two above it. */
+typedef struct {
+    void (*count)(const Room *room, const Bytes *row, uint8_t *counts, Py_ssize_t frames);
     void (*add_row)(const uint8_t *counts, int32_t of, const float *up, const float *two_up,
                     float *here, Py_ssize_t frames, int weighted);
 } Level;
@@ -95,20 +102,23 @@ static void add_row_portable(const uint8_t *counts, int32_t of, const float *up,
     add_row_anyhow(counts, of, up, two_up, here, frames, weighted);
 }
 
-static void add_plane_portable(const uint8_t *plane, uint8_t one, uint8_t care, uint8_t *counts,
-                               Py_ssize_t frames, int first)
+static void count_portable(const Room *room, const Bytes *row, uint8_t *counts, Py_ssize_t frames)
 {
-    const uint64_t every = 0x0101010101010101u, ones = one * every, cares = care * every;
-    for (Py_ssize_t t = 0; t < frames; t += 8) {
-        uint64_t bytes, sum = 0;
-        memcpy(&bytes, plane + t, 8);
-        if (!first)
+    const uint64_t every = 0x0101010101010101u;
+    memset(counts, 0, (size_t)frames);
+    for (int i = 0; i < row->planes; i++) {
+        const uint8_t *plane = room->planes[row->plane[i]];
+        const uint64_t ones = row->ones[i] * every, cares = row->care[i] * every;
+        for (Py_ssize_t t = 0; t < frames; t += 8) {
+            uint64_t bytes, sum;
+            memcpy(&bytes, plane + t, 8);
             memcpy(&sum, counts + t, 8);
-        bytes = (bytes ^ ones) & cares;
-        bytes -= (bytes >> 1) & 0x55 * every;
-        bytes = (bytes & 0x33 * every) + ((bytes >> 2) & 0x33 * every);
-        sum += (bytes + (bytes >> 4)) & 0x0f * every;
-        memcpy(counts + t, &sum, 8);
+            bytes = (bytes ^ ones) & cares;
+            bytes -= (bytes >> 1) & 0x55 * every;
+            bytes = (bytes & 0x33 * every) + ((bytes >> 2) & 0x33 * every);
+            sum += (bytes + (bytes >> 4)) & 0x0f * every;
+            memcpy(counts + t, &sum, 8);
+        }
     }
 }
 
@@ -122,20 +132,25 @@ static void add_row_ssse3(const uint8_t *counts, int32_t of, const float *up, co
 }
 
 FOR("ssse3")
-static void add_plane_ssse3(const uint8_t *plane, uint8_t one, uint8_t care, uint8_t *counts,
-                            Py_ssize_t frames, int first)
+static void count_ssse3(const Room *room, const Bytes *row, uint8_t *counts, Py_ssize_t frames)
 {
     const __m128i bits = _mm_setr_epi8(0, 1, 1, 2, 1, 2, 2, 3, 1, 2, 2, 3, 2, 3, 3, 4);
     const __m128i nibble = _mm_set1_epi8(15);
-    const __m128i ones = _mm_set1_epi8((char)one), cares = _mm_set1_epi8((char)care);
+    __m128i ones[PLANES], care[PLANES];
+    for (int i = 0; i < row->planes; i++) {
+        ones[i] = _mm_set1_epi8((char)row->ones[i]);
+        care[i] = _mm_set1_epi8((char)row->care[i]);
+    }
     for (Py_ssize_t t = 0; t < frames; t += 16) {
-        __m128i bytes = _mm_load_si128((const __m128i *)(plane + t));
-        __m128i sum = first ? _mm_setzero_si128() : _mm_load_si128((const __m128i *)(counts + t));
-        bytes = _mm_and_si128(_mm_xor_si128(bytes, ones), cares);
-        __m128i lower = _mm_and_si128(bytes, nibble);
-        __m128i upper = _mm_and_si128(_mm_srli_epi16(bytes, 4), nibble);
-        sum = _mm_add_epi8(sum, _mm_shuffle_epi8(bits, lower));
-        sum = _mm_add_epi8(sum, _mm_shuffle_epi8(bits, upper));
+        __m128i sum = _mm_setzero_si128();
+        for (int i = 0; i < row->planes; i++) {
+            __m128i bytes = _mm_load_si128((const __m128i *)(room->planes[row->plane[i]] + t));
+            bytes = _mm_and_si128(_mm_xor_si128(bytes, ones[i]), care[i]);
+            const __m128i lower = _mm_and_si128(bytes, nibble);
+            const __m128i upper = _mm_and_si128(_mm_srli_epi16(bytes, 4), nibble);
+            sum = _mm_add_epi8(sum, _mm_shuffle_epi8(bits, lower));
+            sum = _mm_add_epi8(sum, _mm_shuffle_epi8(bits, upper));
+        }
         _mm_store_si128((__m128i *)(counts + t), sum);
     }
 }
@@ -148,22 +163,26 @@ static void add_row_avx2(const uint8_t *counts, int32_t of, const float *up, con
 }
 
 FOR("avx2")
-static void add_plane_avx2(const uint8_t *plane, uint8_t one, uint8_t care, uint8_t *counts,
-                           Py_ssize_t frames, int first)
+static void count_avx2(const Room *room, const Bytes *row, uint8_t *counts, Py_ssize_t frames)
 {
     const __m256i bits = _mm256_setr_epi8(0, 1, 1, 2, 1, 2, 2, 3, 1, 2, 2, 3, 2, 3, 3, 4,
                                           0, 1, 1, 2, 1, 2, 2, 3, 1, 2, 2, 3, 2, 3, 3, 4);
     const __m256i nibble = _mm256_set1_epi8(15);
-    const __m256i ones = _mm256_set1_epi8((char)one), cares = _mm256_set1_epi8((char)care);
+    __m256i ones[PLANES], care[PLANES];
+    for (int i = 0; i < row->planes; i++) {
+        ones[i] = _mm256_set1_epi8((char)row->ones[i]);
+        care[i] = _mm256_set1_epi8((char)row->care[i]);
+    }
     for (Py_ssize_t t = 0; t < frames; t += 32) {
-        __m256i bytes = _mm256_load_si256((const __m256i *)(plane + t));
-        __m256i sum =
-            first ? _mm256_setzero_si256() : _mm256_load_si256((const __m256i *)(counts + t));
-        bytes = _mm256_and_si256(_mm256_xor_si256(bytes, ones), cares);
-        __m256i lower = _mm256_and_si256(bytes, nibble);
-        __m256i upper = _mm256_and_si256(_mm256_srli_epi16(bytes, 4), nibble);
-        sum = _mm256_add_epi8(sum, _mm256_shuffle_epi8(bits, lower));
-        sum = _mm256_add_epi8(sum, _mm256_shuffle_epi8(bits, upper));
+        __m256i sum = _mm256_setzero_si256();
+        for (int i = 0; i < row->planes; i++) {
+            __m256i bytes = _mm256_load_si256((const __m256i *)(room->planes[row->plane[i]] + t));
+            bytes = _mm256_and_si256(_mm256_xor_si256(bytes, ones[i]), care[i]);
+            const __m256i lower = _mm256_and_si256(bytes, nibble);
+            const __m256i upper = _mm256_and_si256(_mm256_srli_epi16(bytes, 4), nibble);
+            sum = _mm256_add_epi8(sum, _mm256_shuffle_epi8(bits, lower));
+            sum = _mm256_add_epi8(sum, _mm256_shuffle_epi8(bits, upper));
+        }
         _mm256_store_si256((__m256i *)(counts + t), sum);
     }
 }
@@ -176,26 +195,36 @@ static void add_row_avx512(const uint8_t *counts, int32_t of, const float *up,
 }
 
 FOR(AVX512_INSTRUCTIONS)
-static void add_plane_avx512(const uint8_t *plane, uint8_t one, uint8_t care, uint8_t *counts,
-                             Py_ssize_t frames, int first)
+static void count_avx512(const Room *room, const Bytes *row, uint8_t *counts, Py_ssize_t frames)
 {
-    const __m512i ones = _mm512_set1_epi8((char)one), cares = _mm512_set1_epi8((char)care);
-    for (Py_ssize_t t = 0; t < frames; t += 64) {
-        __m512i bytes = _mm512_load_si512(plane + t);
-        __m512i sum = first ? _mm512_setzero_si512() : _mm512_load_si512(counts + t);
-        bytes = _mm512_and_si512(_mm512_xor_si512(bytes, ones), cares);
-        _mm512_store_si512(counts + t, _mm512_add_epi8(sum, _mm512_popcnt_epi8(bytes)));
+    __m512i ones[PLANES], care[PLANES];
+    for (int i = 0; i < row->planes; i++) {
+        ones[i] = _mm512_set1_epi8((char)row->ones[i]);
+        care[i] = _mm512_set1_epi8((char)row->care[i]);
+    }
+    for (Py_ssize_t t = 0; t < frames; t += 4 * 64) {
+        __m512i sums[4] = {{0}}; /* four at a time wait for each other less */
+        for (int i = 0; i < row->planes; i++) {
+            const uint8_t *plane = room->planes[row->plane[i]] + t;
+            for (int j = 0; j < 4; j++) {
+                __m512i bytes = _mm512_load_si512(plane + 64 * j);
+                bytes = _mm512_and_si512(_mm512_xor_si512(bytes, ones[i]), care[i]);
+                sums[j] = _mm512_add_epi8(sums[j], _mm512_popcnt_epi8(bytes));
+            }
+        }
+        for (int j = 0; j < 4; j++)
+            _mm512_store_si512(counts + t + 64 * j, sums[j]);
     }
 }
 
 #endif
 
 static const Level levels[LEVELS] = {
-    [PORTABLE] = {add_plane_portable, add_row_portable},
+    [PORTABLE] = {count_portable, add_row_portable},
 #if LEVELS_OF_X86
-    [AVX512] = {add_plane_avx512, add_row_avx512},
-    [AVX2] = {add_plane_avx2, add_row_avx2},
-    [SSSE3] = {add_plane_ssse3, add_row_ssse3},
+    [AVX512] = {count_avx512, add_row_avx512},
+    [AVX2] = {count_avx2, add_row_avx2},
+    [SSSE3] = {count_ssse3, add_row_ssse3},
 #endif
 };
 
@@ -205,6 +234,18 @@ static int32_t bits_set(uint64_t word)
     for (; word; word &= word - 1)
         count++;
     return count;
+}
+
+static Bytes bytes_of(uint64_t ones, uint64_t care)
+{
+    Bytes row = {0};
+    for (int plane = 0; plane < PLANES; plane++, ones >>= 8, care >>= 8)
+        if (care & 255) {
+            row.plane[row.planes] = plane;
+            row.ones[row.planes] = (uint8_t)ones;
+            row.care[row.planes++] = (uint8_t)care;
+        }
+    return row;
 }
 
 /* The first of ascending numbers that is not below a limit; stays inside whatever they are. */
@@ -253,15 +294,8 @@ static void match_block(const Matching *matching, Py_ssize_t m, Py_ssize_t start
         up[t] = INFINITY; /* the row above the first is two rows above the second */
     for (Py_ssize_t k = 0; k < rows; k++) {
         if (k == 0 || ones[k] != ones[k - 1] || care[k] != care[k - 1]) {
-            int first = 1;
-            for (int plane = 0; plane < PLANES; plane++) {
-                const uint8_t mask = (uint8_t)(care[k] >> 8 * plane);
-                if (mask || (first && plane == PLANES - 1)) {
-                    level->add_plane(room->planes[plane], (uint8_t)(ones[k] >> 8 * plane), mask,
-                                     room->counts, frames, first);
-                    first = 0;
-                }
-            }
+            const Bytes row = bytes_of(ones[k], care[k]);
+            level->count(room, &row, room->counts, frames);
         }
         level->add_row(room->counts, bits_set(care[k]), k ? up : NULL, two_up, here, frames,
                        matching->weighted);

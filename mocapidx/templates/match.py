@@ -204,6 +204,15 @@ def local_minima(costs: CostArray, bounds: IndexArray) -> IndexArray:
     return firsts[falls & rises & np.isfinite(values)]
 
 
+def _minima_below(costs: CostArray, bounds: IndexArray, tau: float) -> IndexArray:
+    """Find the local minima below a threshold without a look at what is above it."""
+    low = np.flatnonzero(costs < tau)
+    opening = np.ones(len(low) + 1, dtype=np.bool_)  # and one for the end
+    documents = np.searchsorted(bounds, low, side="right")
+    opening[1:-1] = (np.diff(low) > 1) | (np.diff(documents) > 0)
+    return low[local_minima(costs[low], np.flatnonzero(opening))]
+
+
 def find_hits(
     matching: Matching, tau: float, *, top: int | None = None, shared: float = SHARED
 ) -> Hits:
@@ -225,8 +234,7 @@ def find_hits(
     Hits
         Ordered by cost, then document, then start.
     """
-    minima = local_minima(matching.costs, matching.bounds)
-    minima = minima[matching.costs[minima] < tau]
+    minima = _minima_below(matching.costs, matching.bounds, tau)
     minima = minima[np.argsort(matching.costs[minima], kind="stable")]
     kept = _Kept(shared)
     while len(minima):

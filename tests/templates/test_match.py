@@ -1,3 +1,5 @@
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -6,6 +8,7 @@ from hypothesis import strategies as st
 from mocapidx.alignment.subsequence import subsequence_costs
 from mocapidx.errors import ParameterError
 from mocapidx.features.words import pack_words
+from mocapidx.templates import match
 from mocapidx.templates.match import (
     distance_function,
     find_hits,
@@ -170,3 +173,16 @@ def test_hits_of_two_templates_leave_room_for_one_another():
     assert len(both.costs) >= max(len(one.costs), len(other.costs))
     np.testing.assert_array_equal(merge_hits([one, one]).starts, one.starts)
     assert len(merge_hits([find_hits(matched(takes), 1e-9)]).costs) in (0, 1, 2)
+
+
+@given(
+    costs=st.lists(st.sampled_from([0.1, 0.2, 0.3, 0.4, math.inf]), min_size=1, max_size=30),
+    cuts=st.sets(st.integers(1, 29), max_size=4),
+    tau=st.sampled_from([0.05, 0.15, 0.25, 0.5, 9.0]),
+)
+def test_only_minima_below_the_threshold_are_looked_for(costs, cuts, tau):
+    costs = np.array(costs, dtype=np.float32)
+    bounds = np.array([0, *sorted(cut for cut in cuts if cut < len(costs)), len(costs)])
+    minima = match.local_minima(costs, bounds)
+    expected = minima[costs[minima] < tau]
+    np.testing.assert_array_equal(match._minima_below(costs, bounds, tau), expected)
