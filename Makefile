@@ -1,7 +1,7 @@
 # make demo   set everything up and run the main job on motion that the project generates
 # make test   set everything up and pass all checks and tests
 # make sanitize   test the C kernels and the readers with sanitizers of memory and behaviour
-# The rest:   dev kernels tests lint types check bench fixtures three pictures docs clean
+# The rest:   dev kernels tests lint types check bench bench-quick fixtures three pictures docs clean
 
 PYTHON ?= python3
 VENV := .venv
@@ -11,7 +11,7 @@ SANITIZED := $(WORK)/sanitized
 QUICK := test_a_megabyte_of_nonsense_takes_neither_time_nor_memory
 BUILT_FROM := pyproject.toml setup.py $(wildcard mocapidx/kernels/*.[ch])
 
-.PHONY: demo test tests sanitize dev kernels lint types check bench fixtures three pictures clean docs
+.PHONY: demo test tests sanitize dev kernels lint types check bench bench-quick fixtures three pictures clean docs
 
 demo: $(VENV)/.demo $(WORK)/fixtures/.done
 	$(BIN)/python fixtures/demo.py --fixtures $(WORK)/fixtures --output $(WORK)/demo
@@ -51,7 +51,10 @@ types: $(VENV)/.test
 check: test demo
 
 bench: $(VENV)/.bench $(WORK)/fixtures/.done
-	$(BIN)/python -m bench.run
+	$(BIN)/python -m bench.run --output bench
+
+bench-quick: $(VENV)/.bench $(WORK)/fixtures/.done
+	$(BIN)/python -m bench.run --quick
 
 # Every page, and the reference from the code, as a site; a page that leads nowhere is an error.
 docs: $(VENV)/.docs
@@ -83,7 +86,7 @@ $(VENV)/.demo: $(BUILT_FROM) | $(BIN)/python
 	touch $@
 
 $(VENV)/.test: $(BUILT_FROM) | $(BIN)/python
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test,examples]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test,examples,cluster]'
 	$(BIN)/python -m compileall -q mocapidx cli
 	touch $@ $(VENV)/.demo
 

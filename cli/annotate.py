@@ -10,7 +10,15 @@ from mocapidx.printable import count
 if TYPE_CHECKING:
     from mocapidx.tasks.annotate import Annotated
 
-from .options import NumberRange, jobs_option, quiet_option, read_options, reading_options
+from .options import (
+    NumberRange,
+    jobs_option,
+    quiet_option,
+    read_options,
+    reading_options,
+    scheduler_option,
+    spread,
+)
 from .progress import Bar
 from .rows import note, print_rows, row_options, warn
 
@@ -76,6 +84,7 @@ OVERLAPS = ("rivals", "keep")
 @reading_options
 @row_options
 @jobs_option
+@scheduler_option
 @quiet_option
 def annotate(
     inputs: tuple[Path, ...],
@@ -90,6 +99,7 @@ def annotate(
     row_format: str,
     output: Path,
     jobs: int,
+    scheduler: str | None,
     quiet: bool,
     **reading: Any,
 ) -> int:
@@ -120,8 +130,8 @@ def annotate(
         root=root,
         jobs=jobs,
     )
-    with Bar("doc", quiet) as bar:
-        annotated = annotate_motion(inputs, templates, options, progress=bar.show)
+    with Bar("doc", quiet) as bar, spread(scheduler) as map_fn:
+        annotated = annotate_motion(inputs, templates, options, progress=bar.show, map_fn=map_fn)
     for refused in annotated.refused:
         warn(refused.message)
     if annotated.assumed_rate and not quiet:

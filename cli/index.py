@@ -18,6 +18,8 @@ from .options import (
     quiet_option,
     read_options,
     reading_options,
+    scheduler_option,
+    spread,
 )
 from .progress import Bar
 from .rows import note, warn
@@ -73,6 +75,7 @@ SKIPPED = 5  # exit code: done, but some inputs were skipped
 )
 @reading_options
 @jobs_option
+@scheduler_option
 @lock_options
 @click.option("--verbose", is_flag=True, help="Warn of each odd file, not only of the first.")
 @quiet_option
@@ -87,6 +90,7 @@ def index(
     root: Path | None,
     name_pattern: str | None,
     jobs: int,
+    scheduler: str | None,
     lock_timeout: float,
     use_lock: bool,
     verbose: bool,
@@ -123,12 +127,13 @@ def index(
         lock_timeout=lock_timeout,
         use_lock=use_lock,
     )
-    with Bar("doc", quiet) as bar:
+    with Bar("doc", quiet) as bar, spread(scheduler) as map_fn:
         summary = index_files(
             inputs,
             store,
             options,
             progress=lambda step: bar.show(step.done, step.total, step.frames),
+            map_fn=map_fn,
         )
     for refused in summary.refused:
         warn(refused.message)

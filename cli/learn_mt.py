@@ -10,7 +10,14 @@ from mocapidx.printable import count
 if TYPE_CHECKING:
     from mocapidx.tasks.learn import LearnedClass
 
-from .options import NumberRange, jobs_option, quiet_option, store_argument
+from .options import (
+    NumberRange,
+    jobs_option,
+    quiet_option,
+    scheduler_option,
+    spread,
+    store_argument,
+)
 from .progress import Bar
 from .rows import note
 
@@ -65,6 +72,7 @@ REPETITIONS = ("none", "auto")
     help="Unlabelled motion without the classes, for their thresholds.",
 )
 @jobs_option
+@scheduler_option
 @quiet_option
 def learn_mt(
     store: Path,
@@ -76,6 +84,7 @@ def learn_mt(
     delta: float,
     background: Path | None,
     jobs: int,
+    scheduler: str | None,
     quiet: bool,
 ) -> None:
     """Learn one motion template for each label from the documents of STORE.
@@ -95,13 +104,14 @@ def learn_mt(
         background=background,
         jobs=jobs,
     )
-    with Bar("class", quiet) as bar:
+    with Bar("class", quiet) as bar, spread(scheduler) as map_fn:
         learning = learn_classes(
             store,
             find_labels(store, labels, labels_from),
             options,
             progress=bar.show,
             report=lambda found: bar.write(sentence(found)),
+            map_fn=map_fn,
         )
     save_learning(learning, output)
     for remark in learning.remarks:

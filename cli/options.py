@@ -3,6 +3,7 @@
 import math
 import os
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -18,6 +19,8 @@ __all__ = [
     "quiet_option",
     "read_options",
     "reading_options",
+    "scheduler_option",
+    "spread",
     "store_argument",
 ]
 
@@ -44,6 +47,22 @@ jobs_option = click.option(
     metavar="N",
     help="Worker processes.  [default: all cores]",
 )
+
+
+scheduler_option = click.option(
+    "--scheduler",
+    metavar="ADDRESS|local:N",
+    help="Work on a Dask cluster instead, or on one of N processes here.",
+)
+
+
+def spread(scheduler: str | None) -> AbstractContextManager[Any]:
+    """Give the map function of a cluster, or None for the command's own processes."""
+    if scheduler is None:
+        return nullcontext()
+    from mocapidx.tasks.cluster import cluster_mapping
+
+    return cluster_mapping(scheduler)
 
 
 def lock_options(command: Command) -> Command:

@@ -22,6 +22,7 @@ ALLOWED = {
     "pyroaring": {"index", "queries"},
     "matplotlib": {"reports"},
     "dask": {"tasks"},
+    "distributed": {"tasks"},
 }
 
 

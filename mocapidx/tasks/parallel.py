@@ -19,7 +19,7 @@ from typing import Any, Final, TypeAlias
 
 from mocapidx.errors import MocapidxError
 
-__all__ = ["MapFunction", "mapping"]
+__all__ = ["MapFunction", "deaf", "mapping"]
 
 MapFunction: TypeAlias = Callable[[Callable[[Any], Any], Iterable[Any]], Iterator[Any]]
 """The shape of the built-in ``map``: results come in the order of the items."""
@@ -61,7 +61,7 @@ def mapping(jobs: int) -> Iterator[MapFunction]:
     try:
         yield apply
     finally:
-        with _deaf():
+        with deaf():
             for results in under_way:
                 results.close()
 
@@ -84,7 +84,7 @@ def _results(
                 if number < 0:
                     break
                 if not idle:
-                    with _deaf():  # not one may be started and then forgotten
+                    with deaf():  # not one may be started and then forgotten
                         workers.append(_Worker(function))
                         idle.append(workers[-1])
                 worker = idle.pop()
@@ -103,7 +103,7 @@ def _results(
             elif not busy:
                 return
     finally:
-        with _deaf():
+        with deaf():
             for worker in workers:
                 worker.end()
 
@@ -113,7 +113,7 @@ class _Worker:
 
     def __init__(self, function: Callable[[Any], Any]) -> None:
         context = multiprocessing.get_context("spawn")
-        with _deaf():
+        with deaf():
             self.pipe, theirs = context.Pipe()
             self.process: SpawnProcess = context.Process(target=_work, args=(function, theirs))
             try:
@@ -152,7 +152,7 @@ def _mourned() -> Iterator[None]:
 
 
 @contextmanager
-def _deaf() -> Iterator[None]:
+def deaf() -> Iterator[None]:
     """Put off the signals that stop us; processes started here never hear them.
 
     Ctrl-C and a lost terminal reach every process of the group. We stop the others ourselves.
