@@ -1,27 +1,30 @@
 """Alignment inside the region of matched segments, against all pairs of frames."""
 
+import importlib
 import itertools
 import statistics
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from bench.reading import Row
+from bench.corpus import Bench
+from bench.measure import grow, interleaved
+from bench.table import Row
 from mocapidx.alignment.banded import align_inside, refine_match
 from mocapidx.alignment.coarse import full_region, match_segments
 from mocapidx.alignment.distances import FrameDistance, pose_distance
 from mocapidx.store.read import open_store
 from mocapidx.store.schema import FRAME_WORDS
-from mocapidx.tasks.index import index_files
 from mocapidx.tasks.segment_sources import store_feature_set
 from mocapidx.tasks.stored import stored_motion
 
 MARGIN = 3  # frames: a tenth of a second
-MOST_PAIRS = 60  # of one class
+MOST_PAIRS, QUICK_PAIRS = 60, 4  # of one class
+MOST_TIMES = 16  # 256 times as many pairs of frames
 AS_GOOD = 1.01
 
 
@@ -44,24 +47,42 @@ class Outcome:
     full_seconds: float
 
 
-def measure(corpus: Any, work: Path) -> Iterator[Row]:
+def measure(bench: Bench) -> Iterator[Row]:
     """Align pairs of the same class, and long takes made of one clip of each class."""
-    store = work / "alignment.store"
-    index_files([corpus.clips], store)
-    classes, mask = takes_by_class(store)
-    outcomes, unmatched = [], 0
+    classes, mask = takes_by_class(bench.clip_store())
     rng = np.random.default_rng(7)
+    pairs = []
     for takes in classes.values():
-        pairs = list(itertools.combinations(takes, 2))
-        for number in rng.permutation(len(pairs))[:MOST_PAIRS].tolist():
-            outcome = compare(*pairs[number], mask)
-            unmatched += outcome is None
-            outcomes += [] if outcome is None else [outcome]
-    yield from rows("pairs of one class", outcomes, unmatched)
+        own = list(itertools.combinations(takes, 2))
+        most = QUICK_PAIRS if bench.quick else MOST_PAIRS
+        pairs += [own[number] for number in rng.permutation(len(own))[:most].tolist()]
+    yield from rows("pairs of one class", [compare(*pair, mask) for pair in pairs])
     long = [joined([takes[n] for takes in classes.values() if len(takes) > n]) for n in range(6)]
-    compared = [compare(*pair, mask) for pair in itertools.combinations(long, 2)]
-    found = [each for each in compared if each is not None]
-    yield from rows("takes of one clip a class", found, len(compared) - len(found))
+    long_pairs = list(itertools.combinations(long[:3] if bench.quick else long, 2))
+    yield from rows("takes of one clip a class", [compare(*pair, mask) for pair in long_pairs])
+    yield against_librosa(bench, *long[:2])
+
+
+def against_librosa(bench: Bench, one: Take, other: Take) -> Row:
+    """Compare all pairs of frames of two long takes, as librosa does, distances made for both."""
+    librosa = importlib.import_module("librosa")
+
+    def stretched(take: Take, times: int) -> Any:
+        return np.resize(take.poses, (len(take.poses) * times // 4, *take.poses.shape[1:]))
+
+    def ours(times: int) -> Callable[[], object]:
+        first, second = stretched(one, times), stretched(other, times)
+        region = full_region(len(first), len(second))
+        return lambda: align_inside(region, pose_distance(first, second))
+
+    def theirs() -> object:
+        x, y = (stretched(take, 4).reshape(len(take.poses), -1).T for take in (one, other))
+        return librosa.sequence.dtw(x, y)
+
+    seconds = interleaved({"ours": ours(4), "librosa": theirs}, bench.rounds)
+    growth = grow(ours, [n for n in bench.times if n <= MOST_TIMES], 1)
+    what = f"align all of {len(one.poses)} with {len(other.poses)} frames; both grow"
+    return Row(what, seconds["ours"], "librosa", seconds["librosa"], growth=growth)
 
 
 def takes_by_class(store: Path) -> tuple[dict[str, list[Take]], int]:
@@ -106,31 +127,17 @@ def compare(one: Take, other: Take, mask: int) -> Outcome | None:
     )
 
 
-def rows(what: str, outcomes: list[Outcome], unmatched: int) -> Iterator[Row]:
+def rows(what: str, compared: list[Outcome | None]) -> Iterator[Row]:
     """Lay the figures out."""
+    outcomes = [each for each in compared if each is not None]
     if not outcomes:
         return
     good = sum(each.ratio <= AS_GOOD for each in outcomes) / len(outcomes)
-    worst = max(each.ratio for each in outcomes)
     share = statistics.mean(each.share for each in outcomes)
-    rounds = statistics.mean(each.rounds for each in outcomes)
-    yield (
-        f"alignment, {what}: cost within 1 % of all pairs of frames",
-        f"{good:.1%}",
-        f"{len(outcomes)} pairs, worst {worst:.3f}, {unmatched} without a coarse alignment",
-        "",
-    )
-    yield (
-        f"alignment, {what}: pairs of frames looked at",
-        f"{share:.1%}",
-        f"{rounds:.1f} rounds",
-        f"{1 / share:.1f}",
-    )
-    seconds = statistics.median(each.seconds for each in outcomes)
-    full = statistics.median(each.full_seconds for each in outcomes)
-    yield (
-        f"alignment, {what}: time",
-        f"{seconds * 1e3:.1f} ms",
-        f"{full * 1e3:.1f} ms",
-        f"{full / seconds:.1f}",
+    yield Row(
+        f"align {len(outcomes)} {what}: {good:.0%} cost within 1 % of the best, "
+        f"{share:.1%} of the pairs of frames looked at",
+        statistics.median(each.seconds for each in outcomes),
+        "all pairs of frames, by us",
+        statistics.median(each.full_seconds for each in outcomes),
     )

@@ -1,11 +1,24 @@
 """What others do, written plainly: the peers that our figures are ratios against."""
 
+import contextlib
+import io
+import os
+from collections.abc import Callable
 from pathlib import Path
 
+import bvhio
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-__all__ = ["kinematics_with_rotation", "parse_amc_line_by_line"]
+__all__ = [
+    "kinematics_with_rotation",
+    "matchers",
+    "parse_amc_line_by_line",
+    "parse_bvh_line_by_line",
+    "read_with_bvhio",
+]
+
+STEPS = np.array([[1, 1], [2, 1], [1, 2]])
 
 
 def parse_amc_line_by_line(path: Path) -> list[dict[str, list[float]]]:
@@ -20,6 +33,21 @@ def parse_amc_line_by_line(path: Path) -> list[dict[str, list[float]]]:
         else:
             frames[-1][words[0]] = [float(word) for word in words[1:]]
     return frames
+
+
+def parse_bvh_line_by_line(path: Path) -> list[list[float]]:
+    """Read the frames of a BVH as most public parsers do, the hierarchy left out."""
+    lines = iter(path.read_text(encoding="latin-1").splitlines())
+    for line in lines:
+        if line.strip().startswith("Frame Time"):
+            break
+    return [[float(word) for word in line.split()] for line in lines if line.strip()]
+
+
+def read_with_bvhio(path: Path) -> object:
+    """Read the channels of a BVH with bvhio, which prints as it goes."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        return bvhio.readAsBvh(str(path))
 
 
 def kinematics_with_rotation(
@@ -37,3 +65,28 @@ def kinematics_with_rotation(
         turned.append(turned[parent] * own)
         places[joint] = places[parent] + turned[parent].apply(offsets[joint])
     return places
+
+
+def matchers(costs: Callable[[], np.ndarray]) -> dict[str, Callable[[], object]]:
+    """Give libfmp's and librosa's subsequence DTW of the same steps, costs made for each call.
+
+    Numba compiles them at their first call, which is not to be counted.
+    """
+    os.environ.setdefault("MPLBACKEND", "agg")
+    import librosa
+    from libfmp.c7 import compute_accumulated_cost_matrix_subsequence_dtw_21
+
+    def with_librosa() -> object:
+        return librosa.sequence.dtw(
+            C=costs(),
+            step_sizes_sigma=STEPS,
+            weights_mul=np.array([1.0, 2.0, 1.0]),
+            weights_add=np.zeros(3),
+            subseq=True,
+            backtrack=False,
+        )
+
+    return {
+        "libfmp": lambda: compute_accumulated_cost_matrix_subsequence_dtw_21(costs()),
+        "librosa": with_librosa,
+    }

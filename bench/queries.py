@@ -1,25 +1,26 @@
-"""Queries inside one process, as in Table 3 of the 2005 paper, and on a store 100 times as large.
+"""Queries inside one process, as in Table 3 of the 2005 paper, and on ever larger stores.
 
-The words of the clips are repeated to 180 minutes, and the runs of these to 300 hours. A query is
-cut out of the clips at random, so it has at least one hit; a fuzzy one has 64 alternatives at each
-step, drawn from the words that occur, one of them the true one, none of them also in the step
-before.
+The words of the clips are repeated to three hours, and the runs of these to 4, 16 and 64 times as
+many. A query is cut out of the clips at random, so it has at least one hit; a fuzzy one has 64
+alternatives at each step, drawn from the words that occur, one of them the true one, none of them
+also in the step before.
 """
 
 import statistics
 import time
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from bench.reading import Row
+from bench.corpus import Bench
+from bench.measure import Growth, interleaved
+from bench.table import Row
 from bench.words import repeated_words
 from mocapidx.index.build import PartRuns, build_runs, first_positions
 from mocapidx.index.postings import encode_index, open_index
 from mocapidx.model import IndexArray, WordArray
 from mocapidx.queries.adaptive import adaptive_hits
+from mocapidx.queries.column import column_of
 from mocapidx.queries.exact import exact_hits
 from mocapidx.queries.fuzzy import fuzzy_hits
 from mocapidx.queries.mismatch import mismatch_hits
@@ -27,15 +28,15 @@ from mocapidx.queries.source import PartSource, Source
 from mocapidx.queries.steps import FuzzyQuery, FuzzySet
 from mocapidx.segments.runs import find_runs
 from mocapidx.store.read import open_store
-from mocapidx.tasks.index import index_files
 from mocapidx.tasks.segment_sources import store_feature_set
 
+__all__ = ["measure"]
+
 FRAMES = 180 * 60 * 30
-TIMES = 100
-QUERIES = 10_000
+QUERIES = 1000
 LENGTHS = (5, 10, 20)
 ALTERNATIVES = 64
-SECONDS = 3.0  # for each row of the larger store; fewer queries then
+SECONDS = 1.0  # for each size of each kind of query; fewer queries then
 
 Finder = Callable[[FuzzyQuery, Source], IndexArray]
 FINDERS: dict[str, tuple[Finder, bool]] = {
@@ -44,50 +45,39 @@ FINDERS: dict[str, tuple[Finder, bool]] = {
     "adaptive fuzzy": (adaptive_hits, True),
     "one mismatch": (lambda query, source: mismatch_hits(query, source, 1), False),
 }
-MOST = {"exact": QUERIES, "fuzzy": QUERIES, "adaptive fuzzy": 2_000, "one mismatch": 2_000}
 
 
-def measure(corpus: Any, work: Path) -> Iterator[Row]:
-    """Time random queries on the upper sub-index of both stores."""
-    store = work / "queries.store"
-    index_files([corpus.clips], store)
+def measure(bench: Bench) -> Iterator[Row]:
+    """Time random queries on the upper sub-index of stores of all sizes."""
+    store = bench.clip_store()
     with open_store(store) as snapshot:
         mask = store_feature_set(snapshot).part_mask("upper")
     words = repeated_words(store, FRAMES)
     lengths = np.array([len(document) for document in words], np.int64)
     runs = build_runs(words, mask)
     documents = words[: len(set(map(id, words)))]
-    small = repeated_source(runs, lengths, mask, 1)
-    medians: dict[tuple[str, int], float] = {}
+    sources = [repeated_source(runs, lengths, mask, times) for times in bench.times]
+    scanned = np.concatenate(words)
+    bare = interleaved({"scan": lambda: np.count_nonzero(scanned == scanned[0])}, bench.rounds)
     for name, (find, fuzzy) in FINDERS.items():
-        for length in LENGTHS:
-            queries = random_queries(documents, mask, length, fuzzy, MOST[name])
-            seconds, hits = timed(find, queries, small, np.inf)
-            medians[name, length] = statistics.median(seconds)
-            what = f"{name} query of {length} segments, upper, 180 minutes ({len(runs.words)} runs)"
-            yield row(what, seconds, hits, "")
-    large = repeated_source(runs, lengths, mask, TIMES)
-    for name, (find, fuzzy) in FINDERS.items():
-        for length in LENGTHS:
-            queries = random_queries(documents, mask, length, fuzzy, MOST[name])
-            seconds, hits = timed(find, queries, large, SECONDS)
-            growth = statistics.median(seconds) / medians[name, length]
-            what = f"the same, {name}, {length} segments, {TIMES} times as large"
-            yield row(what, seconds, hits, f"{growth:.1f} times the time")
-
-
-def row(what: str, seconds: Sequence[float], hits: Sequence[int], growth: str) -> Row:
-    """Lay out the median, and of how many queries and hits it is."""
-    return (
-        what,
-        f"{statistics.median(seconds) * 1e3:.3f} ms",
-        f"{len(seconds)} queries, {statistics.median(hits):.0f} hits",
-        growth,
-    )
+        for length in LENGTHS[1:2] if bench.quick else LENGTHS:
+            queries = list(random_queries(documents, mask, length, fuzzy, QUERIES))
+            medians, hits = [], 0.0
+            for source in sources:
+                seconds, found = timed(find, queries, source, SECONDS)
+                medians.append(statistics.median(seconds))
+                hits = hits or statistics.median(found)
+            yield Row(
+                f"{name} query of {length} segments, 180 minutes, {hits:.0f} hits",
+                medians[0],
+                limit="compare each word once",
+                least=bare["scan"],
+                growth=Growth(bench.times, tuple(medians)),
+            )
 
 
 def timed(
-    find: Finder, queries: Iterator[FuzzyQuery], source: Source, budget: float
+    find: Finder, queries: Sequence[FuzzyQuery], source: Source, budget: float
 ) -> tuple[list[float], list[int]]:
     """Time queries one by one, at least ten, until the time is used up."""
     seconds: list[float] = []
@@ -114,7 +104,7 @@ def repeated_source(runs: PartRuns, lengths: IndexArray, mask: int, times: int) 
     lists = open_index(data[:head], lambda at, size: data[at : at + size], len(data))["upper"]
     lengths = np.tile(lengths, times)
     flat = starts.reshape(-1)
-    part = PartSource(mask, lambda: flat, lambda: words, lambda: lists)
+    part = PartSource(mask, column_of(flat), column_of(words), lambda: lists)
     return Source(first_positions(lengths), lengths, (part,))
 
 

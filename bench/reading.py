@@ -1,97 +1,100 @@
-"""Reading and forward kinematics against public parsers and scipy."""
+"""Reading AMC and BVH against parsers that go line by line, and against the bare bytes."""
 
-import contextlib
-import io
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Any
 
-import bvhio
-import numpy as np
-
-from bench.measure import paired_ratio
-from bench.peers import kinematics_with_rotation, parse_amc_line_by_line
+from bench.corpus import Bench
+from bench.measure import grow, interleaved, kernels
+from bench.peers import parse_amc_line_by_line, parse_bvh_line_by_line, read_with_bvhio
+from bench.table import Row
+from mocapidx.formats.amc import find_skeleton
 from mocapidx.formats.registry import read_recording
-from mocapidx.model import Recording
-from mocapidx.skeleton.kinematics import node_positions
-from mocapidx.tasks.read import read_motion
 
-Row = tuple[str, str, str, str]
+__all__ = ["measure", "repeated_amc", "repeated_bvh"]
+
+LIMIT = "read, count the line ends"
 
 
-def measure(corpus: Any, work: Path) -> Iterator[Row]:
-    """Time reading an AMC, reading a BVH, and forward kinematics of all nodes."""
-    ours, theirs, ratio = paired_ratio(
-        lambda: read_recording(corpus.amc), lambda: parse_amc_line_by_line(corpus.amc)
+def measure(bench: Bench) -> Iterator[Row]:
+    """Time reading the largest AMC and the largest BVH."""
+    folder = bench.work / "reading"
+    folder.mkdir()
+    skeleton = find_skeleton(bench.amc)
+    amc = {n: repeated_amc(bench.amc, folder / f"{n}.amc", n) for n in bench.times}
+    bvh = {n: repeated_bvh(bench.bvh, folder / f"{n}.bvh", n) for n in bench.times}
+    yield from of_kind(
+        bench,
+        amc,
+        lambda path: read_recording(path, skeleton_path=skeleton),
+        {"line by line": parse_amc_line_by_line},
     )
-    yield row(f"read AMC, {megabytes(corpus.amc):.1f} MB", "line by line", ours, theirs, ratio)
-
-    size = f"{megabytes(corpus.bvh):.1f} MB"
-    ours, theirs, ratio = paired_ratio(
-        lambda: read_recording(corpus.bvh), lambda: quietly(bvhio.readAsBvh, corpus.bvh), runs=3
-    )
-    yield row(f"read BVH, {size}: channels", "bvhio.readAsBvh", ours, theirs, ratio)
-    ours, theirs, ratio = paired_ratio(
-        lambda: read_motion(corpus.bvh), lambda: quietly(bvhio.readAsHierarchy, corpus.bvh), runs=3
-    )
-    yield row(f"read BVH, {size}: moving joints", "bvhio.readAsHierarchy", ours, theirs, ratio)
-
-    recording = only_turning(read_recording(corpus.bvh))
-    parents, offsets, orders, angles = for_rotation(recording)
-    nodes = range(len(parents))
-    placed = node_positions(recording, nodes, "add")
-    placed -= placed[:, :1]
-    peer = kinematics_with_rotation(parents, offsets, orders, angles).transpose(1, 0, 2)
-    if not np.allclose(placed, peer, atol=1e-6):
-        raise ValueError("the two forward kinematics do not agree")
-    ours, theirs, ratio = paired_ratio(
-        lambda: node_positions(recording, nodes, "add"),
-        lambda: kinematics_with_rotation(parents, offsets, orders, angles),
-    )
-    what = f"forward kinematics, {len(parents)} nodes, {len(recording.values)} frames"
-    yield row(what, "scipy Rotation", ours, theirs, ratio)
-
-
-def quietly(function: Callable[[str], object], path: Path) -> object:
-    """Call bvhio, which prints as it goes."""
-    with contextlib.redirect_stdout(io.StringIO()):
-        return function(str(path))
-
-
-def for_rotation(
-    recording: Recording,
-) -> tuple[np.ndarray, np.ndarray, list[str], list[np.ndarray]]:
-    """Lay a recording out for scipy: axes as letters, angles a node."""
-    skeleton = recording.skeleton
-    orders, angles = [], []
-    for node in range(len(skeleton.names)):
-        turns = (recording.channel_nodes == node) & (recording.channel_kinds >= 3)
-        letters = "".join("XYZ"[kind - 3] for kind in recording.channel_kinds[turns])
-        values = recording.values[:, turns]
-        if not letters:  # an End Site
-            letters, values = "X", np.zeros((len(recording.values), 1))
-        orders.append(letters)
-        angles.append(values)
-    return skeleton.parents, skeleton.offsets, orders, angles
-
-
-def only_turning(recording: Recording) -> Recording:
-    """Leave out the channels that move nodes, which the peer knows nothing of."""
-    turns = recording.channel_kinds >= 3
-    return replace(
-        recording,
-        channel_nodes=recording.channel_nodes[turns],
-        channel_kinds=recording.channel_kinds[turns],
-        values=recording.values[:, turns],
+    yield from of_kind(
+        bench,
+        bvh,
+        read_recording,
+        {"line by line": parse_bvh_line_by_line, "bvhio": read_with_bvhio},
     )
 
 
-def megabytes(path: Path) -> float:
-    """Size of a file."""
-    return path.stat().st_size / 1e6
+def of_kind(
+    bench: Bench,
+    files: dict[int, Path],
+    read: Callable[[Path], object],
+    peers: dict[str, Callable[[Path], object]],
+) -> Iterator[Row]:
+    """Time both kernels and the peers on one file, and ours on longer ones."""
+    path = files[4]  # of the size of a long take
+    size = path.stat().st_size / 1e6
+    functions: dict[str, Callable[[], object]] = {
+        "c": partial(with_kernels, "c", read, path),
+        "numpy": partial(with_kernels, "numpy", read, path),
+        LIMIT: lambda: path.read_bytes().count(b"\n"),
+        **{name: partial(parse, path) for name, parse in peers.items()},
+    }
+    seconds = interleaved(functions, bench.rounds)
+    growth = grow(lambda n: lambda: read(files[n]), bench.times)
+    for kernel in ("c", "numpy"):
+        for name in peers:
+            yield Row(
+                f"read {path.suffix[1:].upper()}, {size:.1f} MB, {kernel}: "
+                f"{size / seconds[kernel]:.0f} MB/s",
+                seconds[kernel],
+                name,
+                seconds[name],
+                LIMIT,
+                seconds[LIMIT],
+                growth if kernel == "c" else None,
+            )
 
 
-def row(what: str, peer: str, ours: float, theirs: float, ratio: float) -> Row:
-    """Lay out a row: milliseconds, and how many times faster we are."""
-    return what, f"{ours * 1e3:.1f} ms", f"{peer}: {theirs * 1e3:.1f} ms", f"{ratio:.1f} times"
+def with_kernels(wanted: str, read: Callable[[Path], object], path: Path) -> object:
+    """Read with the compiled kernels or without."""
+    with kernels(wanted):
+        return read(path)
+
+
+def repeated_amc(source: Path, target: Path, times: int) -> Path:
+    """Write an AMC whose frames are those of another one, again and again."""
+    lines = source.read_bytes().splitlines()
+    first = next(number for number, line in enumerate(lines) if line.strip() == b"1")
+    body, frame = lines[first:], 0
+    with target.open("wb") as file:
+        file.write(b"\n".join(lines[:first]) + b"\n")
+        for _ in range(times):
+            for line in body:
+                if line.strip().isdigit():
+                    frame += 1
+                    line = b"%d" % frame
+                file.write(line + b"\n")
+    return target
+
+
+def repeated_bvh(source: Path, target: Path, times: int) -> Path:
+    """Write a BVH whose frames are those of another one, again and again."""
+    head, _, rest = source.read_bytes().partition(b"Frames:")
+    count, pace, body = rest.split(b"\n", 2)
+    body = body.rstrip() + b"\n"
+    frames = b"Frames: %d\n" % (int(count) * times)
+    target.write_bytes(head + frames + pace + b"\n" + body * times)
+    return target

@@ -1,76 +1,95 @@
 """Print the table of speeds: ``make bench``.
 
-Every figure is a ratio of two things measured in turn in this run, since machines differ and
-drift. Motion comes from the folder named by MOCAP_DATA (an ``hdm05`` folder of AMC clips, a
-``bandai`` folder of BVH), else from the project's own fixtures.
+Every ratio is of things measured in turn in this run, since machines differ and drift. Motion
+comes from the folder named by MOCAP_DATA (``../shared/data`` by default: folders of AMC clips
+and BVH), else from the project's own fixtures. Sections may be named to run these alone.
 """
 
+import argparse
 import os
+import platform
 import sys
 import tempfile
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from bench import alignment, indexing, queries, reading, startup, templates
+import numpy as np
 
-FIXTURES = Path("build/fixtures")
+from bench import (
+    alignment,
+    indexing,
+    large,
+    matching,
+    oneshot,
+    picture,
+    poses,
+    queries,
+    reading,
+    startup,
+)
+from bench.corpus import find_bench
+from bench.table import HEADER, Row, line
+from mocapidx.kernels.choice import kernels_in_use
 
-
-@dataclass(frozen=True)
-class Corpus:
-    """Where the motion for measurements lies."""
-
-    amc: Path
-    bvh: Path
-    clips: Path
-    many: Path
-    name: str
+SECTIONS: dict[str, Callable[..., Iterator[Row]]] = {
+    "reading": reading.measure,
+    "poses": poses.measure,
+    "indexing": indexing.measure,
+    "startup": startup.measure,
+    "queries": queries.measure,
+    "matching": matching.measure,
+    "annotation": matching.measure_annotation,
+    "oneshot": oneshot.measure,
+    "alignment": alignment.measure,
+    "archive": large.measure,
+}
 
 
 def main() -> None:
-    """Measure and print, a section at a time; names of sections may be given."""
-    corpus = find_corpus()
-    print(f"motion: {corpus.name}; {os.cpu_count()} cores\n")
-    print("| what | ours | the peer | ratio |\n| --- | --- | --- | --- |")
-    sections = {
-        "reading": reading.measure,
-        "indexing": indexing.measure,
-        "startup": startup.measure,
-        "queries": queries.measure,
-        "templates": templates.measure,
-        "alignment": alignment.measure,
-    }
-    with tempfile.TemporaryDirectory(prefix="mocapidx-bench-") as work:
-        for name in sys.argv[1:] or sections:
-            for row in sections[name](corpus, Path(work)):
-                print("| " + " | ".join(row) + " |", flush=True)
+    """Measure and print a section at a time; write the whole at the end."""
+    given = arguments()
+    names = given.sections or list(SECTIONS)
+    hours = given.hours if given.hours is not None else (10.0 if given.quick else 1000.0)
+    with tempfile.TemporaryDirectory(prefix="mocapidx-bench-", dir=given.work) as work:
+        bench = find_bench(Path(work), given.quick, hours)
+        rows: dict[str, list[Row]] = {}
+        lines = [title(bench.name, given.quick), "", HEADER]
+        print("\n".join(lines), flush=True)
+        for name in names:
+            rows[name] = []
+            for row in SECTIONS[name](bench):
+                rows[name].append(row)
+                lines.append(line(row))
+                print(lines[-1], flush=True)
+    if given.output is not None:
+        given.output.mkdir(parents=True, exist_ok=True)
+        (given.output / "results.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        picture.draw(rows, given.output / "results.png")
 
 
-def find_corpus() -> Corpus:
-    """Take real motion where there is some, else what the project generates."""
-    data = Path(os.environ.get("MOCAP_DATA", "../shared/data"))
-    if (data / "hdm05").is_dir():
-        return Corpus(
-            largest(data.rglob("*.amc")),
-            largest((data / "bandai").rglob("*.bvh")),
-            data / "hdm05",
-            data / "bandai",
-            "recorded",
-        )
-    clips = FIXTURES / "clips"
-    return Corpus(
-        largest(FIXTURES.rglob("*.amc")),
-        largest(FIXTURES.rglob("*.bvh")),
-        clips,
-        clips,
-        "generated",
+def arguments() -> argparse.Namespace:
+    """Understand the command line."""
+    parser = argparse.ArgumentParser(prog="python -m bench.run", description=__doc__)
+    parser.add_argument("sections", nargs="*", metavar="SECTION", help=", ".join(SECTIONS))
+    parser.add_argument("--quick", action="store_true", help="less work, under two minutes")
+    parser.add_argument("--hours", type=float, help="of the archive; default 1000, quick 10")
+    parser.add_argument("--work", type=Path, help="where there is room; default the system's")
+    parser.add_argument("--output", type=Path, help="folder for results.md and results.png")
+    given = parser.parse_args()
+    unknown: Sequence[str] = sorted(set(given.sections) - set(SECTIONS))
+    if unknown:
+        parser.error(f"no section '{unknown[0]}'; there are {', '.join(SECTIONS)}")
+    return given
+
+
+def title(motion: str, quick: bool) -> str:
+    """Say what was measured on."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    return (
+        f"Python {platform.python_version()}, NumPy {np.__version__}, {sys.platform} on "
+        f"{platform.machine()}, {cores} cores, kernels: {kernels_in_use()}, {motion} motion"
+        + (", quick" if quick else "")
     )
-
-
-def largest(paths: Iterator[Path]) -> Path:
-    """Give the largest of some files."""
-    return max(sorted(paths), key=lambda path: path.stat().st_size)
 
 
 if __name__ == "__main__":

@@ -1,49 +1,72 @@
-"""Whole processes: the help against a bare click, a query against a bare read of its bytes."""
+"""Whole processes: help and completion against a bare click, a query against a bare read."""
 
+import os
+import statistics
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
-from bench.measure import paired_ratio, process_seconds
-from bench.reading import Row
+from bench.corpus import PROGRAM, Bench
+from bench.measure import run_process
+from bench.table import Row
 
-PROGRAM = str(Path(sys.executable).parent / "mocapidx")
+__all__ = ["measure"]
+
+BARE_CLICK = (sys.executable, "-c", "import click")
 
 BARE_QUERY = """
 import sys, pathlib
-import numpy, h5py, pyroaring
+import numpy, pyroaring
 for path in sys.argv[1:]:
     pathlib.Path(path).read_bytes()
 """
 
+COMPLETION = {
+    "_MOCAPIDX_COMPLETE": "bash_complete",
+    "COMP_WORDS": "mocapidx query --sel",
+    "COMP_CWORD": "2",
+}
 
-def measure(corpus: Any, work: Path) -> Iterator[Row]:
-    """Time ``--help`` and a small query."""
-    ours, theirs, ratio = paired_ratio(
-        process_seconds([PROGRAM, "--help"]),
-        process_seconds([sys.executable, "-c", "import click"]),
-        runs=9,
+
+def measure(bench: Bench) -> Iterator[Row]:
+    """Time ``--help``, completion and a small query."""
+    for what, command, environment in (
+        ("mocapidx --help", (PROGRAM, "--help"), {}),
+        ("mocapidx query --help", (PROGRAM, "query", "--help"), {}),
+        ("completion", (PROGRAM,), COMPLETION),
+    ):
+        ours, bare = side_by_side(bench, command, BARE_CLICK, environment)
+        yield Row(what, ours, limit="import click", least=bare, wanted="at most 2 times the limit")
+    store = bench.clip_store()
+    example = sorted(bench.clips.rglob("*.amc"))[0]
+    read = [store / "MANIFEST", *sorted((store / "segments").iterdir()), example]
+    query = (PROGRAM, "query", store, "--example", example, "--select", "F17,F18,F20,F21")
+    ours, bare = side_by_side(bench, query, (sys.executable, "-c", BARE_QUERY, *read), {})
+    yield Row(
+        "a query on a small store",
+        ours,
+        limit="import NumPy and pyroaring, read as much",
+        least=bare,
+        wanted="at most 1.3 times the limit",
     )
-    yield (
-        "mocapidx --help",
-        ms(ours),
-        f"import click: {ms(theirs)}",
-        f"{1 / ratio:.2f} times as long",
-    )
-
-    store = work / "startup.store"
-    process_seconds([PROGRAM, "index", str(corpus.clips), "--store", str(store)])()
-    example = sorted(corpus.clips.rglob("*.amc"))[0]
-    read = [str(path) for path in (store / "MANIFEST", *(store / "segments").iterdir(), example)]
-    query = [PROGRAM, "query", str(store), "--example", str(example), "--select", "F17,F18,F20,F21"]
-    ours, theirs, ratio = paired_ratio(
-        process_seconds(query), process_seconds([sys.executable, "-c", BARE_QUERY, *read]), runs=9
-    )
-    peer = f"imports and reads: {ms(theirs)}"
-    yield "a query on a small store", ms(ours), peer, f"{1 / ratio:.2f} times as long"
 
 
-def ms(seconds: float) -> str:
-    """Milliseconds as text."""
-    return f"{seconds * 1e3:.0f} ms"
+def side_by_side(
+    bench: Bench,
+    command: Sequence[str | Path],
+    bare: Sequence[str | Path],
+    environment: Mapping[str, str],
+) -> tuple[float, float]:
+    """Run two commands in turn; the median seconds of each."""
+    # What the program sets for itself; the bare process must start as few threads.
+    environment = {
+        "OPENBLAS_NUM_THREADS": os.environ.get("OPENBLAS_NUM_THREADS", "1"),
+        **environment,
+    }
+    rounds = 9 if bench.quick else 21
+    pairs = [
+        (run_process(command, environment=environment), run_process(bare, environment=environment))
+        for _ in range(rounds + 1)
+    ][1:]
+    ours, theirs = zip(*pairs, strict=True)
+    return statistics.median(o.seconds for o in ours), statistics.median(t.seconds for t in theirs)
