@@ -1,14 +1,15 @@
 """From joint positions to boolean features, and to the real values beneath them."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
 
-from mocapidx.features.featureset import AnyFeatureSet, load_feature_set
+from mocapidx.features.featureset import AnyFeatureSet, FeatureSet, load_feature_set
 from mocapidx.features.geometry import Poses, difference_quotient
-from mocapidx.features.kinds import KINDS, Place
+from mocapidx.features.measures import Measures, measure_values, measures_of
 from mocapidx.features.relations import (
     Condition,
     combine,
@@ -18,7 +19,7 @@ from mocapidx.features.relations import (
     robust_threshold,
 )
 from mocapidx.features.trust import absent_joints, body_lengths, untrusted_features
-from mocapidx.model import BoolArray, FloatArray, Motion
+from mocapidx.model import BoolArray, FloatArray, IndexArray, Motion
 from mocapidx.skeleton.joints import CANONICAL_JOINTS, INDEX
 from mocapidx.skeleton.resample import resample_motion
 
@@ -108,20 +109,20 @@ def all_features(motion: Motion, feature_set: AnyFeatureSet = "f39") -> BoolArra
     ndarray of bool, shape (T, F)
         As `extract_features`, but of features that `untrusted_features` names anything.
     """
-    conditions = [feature.condition for feature in load_feature_set(feature_set).features]
-    parts = _all_leaves(conditions)
-    on, off = _intervals(parts)
+    tests = _tests(load_feature_set(feature_set))
     scales = body_lengths(motion)
-    found = np.zeros((len(conditions), len(motion.positions)), dtype=np.bool_)
-    states = np.zeros((len(parts), 1), dtype=np.bool_)
+    found = np.zeros((tests.count, len(motion.positions)), dtype=np.bool_)
+    states = np.zeros((tests.on.shape[1], 1), dtype=np.bool_)
     for start, poses in _blocks(motion):
-        values = _values(poses, parts, scales)
-        strong = (values > on[0]) & (values < on[1])
-        failed = (values <= off[0]) | (values >= off[1])
+        values = measure_values(poses, tests.measures, scales)
+        strong = (values > tests.on[0]) & (values < tests.on[1])
+        failed = (values <= tests.off[0]) | (values >= tests.off[1])
         states = robust_threshold(strong, failed, states[:, -1])
-        each = dict(zip(parts, states, strict=True))
-        for i, condition in enumerate(conditions):
-            found[i, start : start + states.shape[1]] = combine(condition, each)
+        stretch = found[:, start : start + states.shape[1]]
+        stretch[tests.plain[0]] = states[tests.plain[1]]
+        each = {part: states[row] for part, row in tests.combined_parts}
+        for i, condition in tests.combined:
+            stretch[i] = combine(condition, each)
     return np.ascontiguousarray(found.T)
 
 
@@ -195,10 +196,10 @@ def condition_values(
         In the unit of each condition; NaN where a joint is missing.
     """
     motion = _at_rate(motion, rate)
-    scales = body_lengths(motion)
+    scales, measures = body_lengths(motion), measures_of(conditions)
     values = np.full((len(conditions), len(motion.positions)), np.nan)
     for start, poses in _blocks(motion):
-        stretch = _values(poses, conditions, scales)
+        stretch = measure_values(poses, measures, scales)
         values[:, start : start + stretch.shape[1]] = stretch
     return values.T
 
@@ -212,37 +213,67 @@ def _blocks(motion: Motion) -> Iterator[tuple[int, Poses]]:
     columns = {joint: i for i, joint in enumerate(motion.joints)}
     known = [joint for joint in CANONICAL_JOINTS if joint in columns]
     sources = [columns[joint] for joint in known]
-    targets = [INDEX[joint] for joint in known]
-    absent = absent_joints(motion.positions[:, sources])
-    present = np.array(targets, dtype=np.int64)[~absent]
+    targets = np.array([INDEX[joint] for joint in known], dtype=np.int64)
+    there = motion.positions if motion.joints == CANONICAL_JOINTS else motion.positions[:, sources]
+    present = targets[~absent_joints(there)]
     frames = len(motion.positions)
     for start in range(0, frames, BLOCK):
         stop = min(start + BLOCK, frames)
         # One frame more on each side, for the velocities.
         first, last = max(start - 1, 0), min(stop + 1, frames)
         points = np.full((len(INDEX), 3, last - first), np.nan)
-        points[targets] = motion.positions[first:last, sources].transpose(1, 2, 0)
+        points[targets] = there[first:last].transpose(1, 2, 0)
         velocities = difference_quotient(points, motion.rate)
         inner = slice(start - first, stop - first)
         yield start, Poses(INDEX, points[:, :, inner], velocities[:, :, inner], present)
 
 
-def _values(
-    poses: Poses, conditions: Sequence[Condition], scales: Mapping[str, float]
-) -> FloatArray:
-    """Return the values of generic features in their units, shape (C, T)."""
-    known: dict[tuple[str, tuple[Place, ...]], FloatArray] = {}
-    values = np.empty((len(conditions), poses.points.shape[2]))
-    # Infinite positions and widths of 0 give unknown values, not warnings.
-    with np.errstate(all="ignore"):
-        for row, condition in zip(values, conditions, strict=True):
-            measure = (condition.kind, condition.joints)
-            if measure not in known:
-                known[measure] = KINDS[condition.kind].value(poses, *condition.joints)
-            row[:] = known[measure]
-            if condition.unit != "deg":
-                row /= scales[condition.unit.removesuffix("/s")]
-    return values
+@dataclass(frozen=True, slots=True)
+class _Tests:
+    """What is tested for the features of a set: their C generic features, and how they combine.
+
+    Parameters
+    ----------
+    count : int
+        Features.
+    measures : Measures
+        Of the generic features.
+    on, off : ndarray of float64, shape (2, C, 1)
+        As `_intervals` gives them.
+    plain : (ndarray of int64, ndarray of int64)
+        Features that are one generic feature, and which.
+    combined : tuple of (int, Condition)
+        The other features.
+    combined_parts : tuple of (Condition, int)
+        The generic features that those are made of.
+    """
+
+    count: int
+    measures: Measures
+    on: FloatArray
+    off: FloatArray
+    plain: tuple[IndexArray, IndexArray]
+    combined: tuple[tuple[int, Condition], ...]
+    combined_parts: tuple[tuple[Condition, int], ...]
+
+
+@lru_cache(maxsize=16)
+def _tests(feature_set: FeatureSet) -> _Tests:
+    conditions = [feature.condition for feature in feature_set.features]
+    parts = _all_leaves(conditions)
+    rows = {part: row for row, part in enumerate(parts)}
+    plain = [(i, rows[c]) for i, c in enumerate(conditions) if c in rows]
+    combined = [(i, c) for i, c in enumerate(conditions) if c not in rows]
+    needed = _all_leaves(condition for _, condition in combined)
+    features, found = np.array(plain, dtype=np.int64).reshape(-1, 2).T
+    return _Tests(
+        len(conditions),
+        measures_of(parts),
+        *_intervals(parts),
+        (features, found),
+        tuple(combined),
+        tuple((part, rows[part]) for part in needed),
+    )
 
 
 def _intervals(conditions: Sequence[Condition]) -> tuple[FloatArray, FloatArray]:

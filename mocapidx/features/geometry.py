@@ -1,12 +1,14 @@
 """Building blocks of relational features: joints as vectors over time.
 
-Every vector has the shape (3, T): the coordinates stand apart, so that each step is one pass
-over neighbouring frames. Sums run in the fixed order x, y, z; negating one coordinate then
-negates or keeps every result bit by bit, which is what makes mirrored features exact.
+Every vector has the shape (3, T), or (3, J, T) where J of them are looked at together: the
+coordinates stand apart, so that each step is one pass over neighbouring frames. Sums run in the
+fixed order x, y, z; negating one coordinate then negates or keeps every result bit by bit, which
+is what makes mirrored features exact.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -14,6 +16,7 @@ from mocapidx.model import FloatArray, IndexArray
 
 __all__ = [
     "DEGENERATE",
+    "Joints",
     "Poses",
     "along",
     "angle_between",
@@ -26,6 +29,9 @@ __all__ = [
     "segment_distance",
     "widest_floor_distance",
 ]
+
+Joints: TypeAlias = str | Sequence[str]
+"""One joint, or several at once."""
 
 # A vector shorter than this (metres, or square metres for a normal) has no direction.
 DEGENERATE = 1e-9
@@ -52,15 +58,19 @@ class Poses:
     velocities: FloatArray
     present: IndexArray
 
-    def at(self, joint: str) -> FloatArray:
-        """Return the position of `joint`, shape (3, T), in metres."""
-        point: FloatArray = self.points[self.rows[joint]]
-        return point
+    def at(self, joint: Joints) -> FloatArray:
+        """Return the position of one joint, shape (3, T), or of J, shape (3, J, T), in metres."""
+        return self._of(self.points, joint)
 
-    def speed_of(self, joint: str) -> FloatArray:
-        """Return the velocity of `joint`, shape (3, T), in m/s."""
-        velocity: FloatArray = self.velocities[self.rows[joint]]
-        return velocity
+    def speed_of(self, joint: Joints) -> FloatArray:
+        """Return the velocity of one joint, shape (3, T), or of J, shape (3, J, T), in m/s."""
+        return self._of(self.velocities, joint)
+
+    def _of(self, vectors: FloatArray, joint: Joints) -> FloatArray:
+        if isinstance(joint, str):
+            vector: FloatArray = vectors[self.rows[joint]]
+            return vector
+        return vectors[[self.rows[one] for one in joint]].transpose(1, 0, 2)
 
 
 def difference_quotient(points: FloatArray, rate: float) -> FloatArray:

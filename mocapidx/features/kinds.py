@@ -8,6 +8,7 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from mocapidx.features.geometry import (
+    Joints,
     Poses,
     along,
     angle_between,
@@ -38,7 +39,8 @@ class Kind:
     Parameters
     ----------
     value : callable
-        From poses and joints to the value in m, m/s or degrees, shape (T,).
+        From poses and joints to the value in m, m/s or degrees, shape (T,). Unless `of_all`, J
+        joints may stand in each place (a list): the values then have the shape (J, T).
     count : int
         How many joints the formula names.
     quantity : {"length", "speed", "angle"}
@@ -63,41 +65,43 @@ class Kind:
     of_all: bool = False
 
 
-def _plane(poses: Poses, j1: str, j2: str, j3: str, j4: str) -> FloatArray:
+def _plane(poses: Poses, j1: Joints, j2: Joints, j3: Joints, j4: Joints) -> FloatArray:
     p1 = poses.at(j1)
     return along(poses.at(j4) - p1, plane_normal(p1, poses.at(j2), poses.at(j3)))
 
 
-def _plane_gap(poses: Poses, j1: str, j2: str, j3: str, j4: str, j5: str) -> FloatArray:
+def _plane_gap(
+    poses: Poses, j1: Joints, j2: Joints, j3: Joints, j4: Joints, j5: Joints
+) -> FloatArray:
     normal = plane_normal(poses.at(j1), poses.at(j2), poses.at(j3))
     return along(poses.at(j5) - poses.at(j4), normal)
 
 
-def _nplane(poses: Poses, j1: str, j2: str, j3: str, j4: str) -> FloatArray:
+def _nplane(poses: Poses, j1: Joints, j2: Joints, j3: Joints, j4: Joints) -> FloatArray:
     return along(poses.at(j4) - poses.at(j3), poses.at(j2) - poses.at(j1))
 
 
-def _angle(poses: Poses, j1: str, j2: str, j3: str, j4: str) -> FloatArray:
+def _angle(poses: Poses, j1: Joints, j2: Joints, j3: Joints, j4: Joints) -> FloatArray:
     return angle_between(poses.at(j2) - poses.at(j1), poses.at(j4) - poses.at(j3))
 
 
-def _tilt(poses: Poses, j1: str, j2: str) -> FloatArray:
+def _tilt(poses: Poses, j1: Joints, j2: Joints) -> FloatArray:
     direction = poses.at(j2) - poses.at(j1)
     up = np.zeros_like(direction)
     up[1] = 1
     return angle_between(direction, up)
 
 
-def _move(poses: Poses, j1: str, j2: str, j3: str, j4: str) -> FloatArray:
+def _move(poses: Poses, j1: Joints, j2: Joints, j3: Joints, j4: Joints) -> FloatArray:
     return along(poses.speed_of(j4) - poses.speed_of(j3), poses.at(j2) - poses.at(j1))
 
 
-def _nmove(poses: Poses, j1: str, j2: str, j3: str, j4: str) -> FloatArray:
+def _nmove(poses: Poses, j1: Joints, j2: Joints, j3: Joints, j4: Joints) -> FloatArray:
     normal = plane_normal(poses.at(j1), poses.at(j2), poses.at(j3))
     return along(poses.speed_of(j4) - poses.speed_of(j1), normal)
 
 
-def _approach(poses: Poses, j1: str, j2: str, j3: str, j4: str) -> FloatArray:
+def _approach(poses: Poses, j1: Joints, j2: Joints, j3: Joints, j4: Joints) -> FloatArray:
     between = poses.at(j2) - poses.at(j1)
     nearing = along(poses.speed_of(j1) - poses.speed_of(j2), between)
     axis = poses.at(j4) - poses.at(j3)
@@ -105,7 +109,7 @@ def _approach(poses: Poses, j1: str, j2: str, j3: str, j4: str) -> FloatArray:
     return nearing * share
 
 
-def _fast(poses: Poses, joint: str) -> FloatArray:
+def _fast(poses: Poses, joint: Joints) -> FloatArray:
     return norm(poses.speed_of(joint))
 
 
@@ -116,8 +120,10 @@ def _height(poses: Poses, joint: str) -> FloatArray:
     return height
 
 
-def _touch(poses: Poses, first: Place, second: Place) -> FloatArray:
-    if isinstance(first, str) and isinstance(second, str):
+def _touch(
+    poses: Poses, first: Joints | tuple[Joints, Joints], second: Joints | tuple[Joints, Joints]
+) -> FloatArray:
+    if not isinstance(first, tuple) and not isinstance(second, tuple):
         return norm(poses.at(first) - poses.at(second))
     ends = [place if isinstance(place, tuple) else (place, place) for place in (first, second)]
     return segment_distance(*(poses.at(joint) for pair in ends for joint in pair))
