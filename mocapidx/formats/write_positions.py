@@ -58,10 +58,12 @@ def positions_csv(motion: Motion) -> bytes:
     bytes
         The header is ``time,root_x,root_y,root_z,...``; time in seconds from 0, positions in
         metres, with the digits that read back as the same numbers; a cell is empty where a
-        joint is not there.
+        joint is not there, or was made up from others, which a table has no place to say.
     """
     names = [f"{joint}_{axis}" for joint in motion.joints for axis in "xyz"]
-    rows = np.asarray(motion.positions, np.float64).reshape(len(motion.positions), -1)
+    positions = np.array(motion.positions, np.float64)
+    positions[:, [joint in motion.made for joint in motion.joints]] = np.nan
+    rows = positions.reshape(len(positions), -1)
     lines = [",".join(("time", *names))]
     for frame, row in enumerate(rows.tolist()):
         cells = ("" if value != value else decimal(value) for value in row)

@@ -81,8 +81,8 @@ class Exported:
 
 
 def export_clips(
-    records: Path,
-    folder: Path,
+    records: str | Path,
+    folder: str | Path,
     options: ExportOptions | None = None,
     *,
     progress: Callable[[int, int], None] | None = None,
@@ -91,10 +91,10 @@ def export_clips(
 
     Parameters
     ----------
-    records : Path
+    records : str or Path
         Hits or annotations as `query`, `retrieve` and `annotate` print them, or a file of
         annotations of another program; ``-`` is the standard input.
-    folder : Path
+    folder : str or Path
         Where the clips go, made if need be. Their names begin with the number of the hit; the
         file ``clips.jsonl`` tells where each is from.
     options : ExportOptions, optional
@@ -114,7 +114,8 @@ def export_clips(
     StoreError, WriteError
     """
     options = options or ExportOptions()
-    hits = _numbered(read_found(records), options.top)
+    folder = Path(folder)
+    hits = _numbered(read_found(Path(records)), options.top)
     origins = find_origins(
         (hit.document for _, hit in hits), options.stores, options.roots, options.read
     )
@@ -122,13 +123,15 @@ def export_clips(
     check_targets([folder / SIDECAR], options.force)
     stems = _stems(hits)
     _check_free(folder, stems, options.force)
+    by_document: dict[str, list[int]] = {}
+    for i, (_, hit) in enumerate(hits):
+        by_document.setdefault(hit.document, []).append(i)
     written: dict[int, Record] = {}
     refused: list[Refused] = []
     done = 0
-    for document, origin in origins.items():
-        own = [i for i, (_, hit) in enumerate(hits) if hit.document == document]
+    for document, own in by_document.items():
         try:
-            source = _opened(origin, options)
+            source = _opened(origins[document], options)
             for i in own:
                 written[i] = _write(source, hits[i], folder, stems[i], options)
         except FormatError as exc:

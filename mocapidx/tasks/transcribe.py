@@ -24,19 +24,24 @@ TRANSCRIPTS: Final = (*KINDS, *ROWS)
 
 
 def export_transcripts(
-    records: Path, output: Path, to: str, *, stores: Sequence[Path] = (), force: bool = False
+    records: str | Path,
+    output: str | Path,
+    to: str,
+    *,
+    stores: Sequence[str | Path] = (),
+    force: bool = False,
 ) -> tuple[Path, ...]:
     """Write hits or annotations for another program.
 
     Parameters
     ----------
-    records : Path
+    records : str or Path
         Hits or annotations as `read_found` reads them; ``-`` is the standard input.
-    output : Path
+    output : str or Path
         A file with the suffix of the format for one document, else a folder that gets a file
         for each. BABEL's JSON, labels as CSV and JSON lines are one file for all documents.
     to : {"eaf", "textgrid", "vtt", "srt", "babel", "labels", "jsonl"}
-    stores : sequence of Path
+    stores : sequence of str or Path
         Tell how long documents last.
     force : bool
         Replace files that are there.
@@ -50,6 +55,7 @@ def export_transcripts(
     ------
     FormatError, ParameterError, StoreError, WriteError
     """
+    output = Path(output)
     written = transcribe(records, to, stores)
     kind = KINDS.get(to)
     if kind is None or kind.write is None or _is_file(output, kind.suffix):
@@ -66,7 +72,7 @@ def export_transcripts(
     return tuple(files)
 
 
-def transcribe(records: Path, to: str, stores: Sequence[Path] = ()) -> dict[str, bytes]:
+def transcribe(records: str | Path, to: str, stores: Sequence[str | Path] = ()) -> dict[str, bytes]:
     """Turn hits or annotations into files of another program.
 
     Parameters
@@ -81,12 +87,14 @@ def transcribe(records: Path, to: str, stores: Sequence[Path] = ()) -> dict[str,
 
     Raises
     ------
-    FormatError, StoreError
+    FormatError, ParameterError, StoreError
     """
-    seconds = _seconds(stores)
+    if to not in TRANSCRIPTS:
+        raise ParameterError(f"no format '{shown(to)}'; there are {', '.join(TRANSCRIPTS)}")
+    seconds = _seconds([Path(store) for store in stores])
     known = DocumentNames(seconds)
     by_document: dict[str, list[Found]] = {}
-    for found in read_found(records):
+    for found in read_found(Path(records)):
         name = known.find(found.document, shown(records)) or found.document
         by_document.setdefault(name, []).append(found)
     transcripts = [

@@ -48,16 +48,21 @@ def eaf_text(transcript: Transcript) -> bytes:
         that of no day, so that equal transcripts give equal bytes.
     """
     laid = tiers(transcript.spans)
-    slots, rows = [], []
+    times = sorted(time for _, spans in laid for span in spans for time in _milliseconds(span))
+    slots = [
+        f'        <TIME_SLOT TIME_SLOT_ID="ts{slot}" TIME_VALUE="{time}"/>\n'
+        for slot, time in enumerate(times, start=1)
+    ]
+    free: dict[int, list[int]] = {}  # several slots may have one time
+    for slot, time in reversed([*enumerate(times, start=1)]):
+        free.setdefault(time, []).append(slot)
+    rows = []
     number = 0
     for name, spans in laid:
         rows.append(f'    <TIER LINGUISTIC_TYPE_REF="default-lt" TIER_ID={quoteattr(name)}>\n')
         for span in spans:
             number += 1
-            first, last = 2 * number - 1, 2 * number
-            start = round(1000 * (span.start or 0.0))
-            end = max(round(1000 * (span.end or 0.0)), start + 1)
-            slots += [(start, first), (end, last)]
+            first, last = (free[time].pop() for time in _milliseconds(span))
             rows.append(
                 f'        <ANNOTATION>\n            <ALIGNABLE_ANNOTATION ANNOTATION_ID="a{number}"'
                 f' TIME_SLOT_REF1="ts{first}" TIME_SLOT_REF2="ts{last}">\n                '
@@ -65,13 +70,14 @@ def eaf_text(transcript: Transcript) -> bytes:
                 "            </ALIGNABLE_ANNOTATION>\n        </ANNOTATION>\n"
             )
         rows.append("    </TIER>\n")
-    order = [
-        f'        <TIME_SLOT TIME_SLOT_ID="ts{slot}" TIME_VALUE="{time}"/>\n'
-        for time, slot in sorted(slots)
-    ]
     head = HEAD % (DOCUMENT, escape(plain_text(transcript.document)), number)
-    times = ["    <TIME_ORDER>\n", *order, "    </TIME_ORDER>\n"]
-    return "".join([head, *times, *rows, TAIL]).encode("utf-8")
+    order = ["    <TIME_ORDER>\n", *slots, "    </TIME_ORDER>\n"]
+    return "".join([head, *order, *rows, TAIL]).encode("utf-8")
+
+
+def _milliseconds(span: Span) -> tuple[int, int]:
+    start = round(1000 * (span.start or 0.0))
+    return start, max(round(1000 * (span.end or 0.0)), start + 1)
 
 
 def read_eaf(data: bytes, where: str, stem: str) -> tuple[Transcript, ...]:

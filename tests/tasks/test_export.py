@@ -124,6 +124,26 @@ def test_positions_as_npz_and_csv(exported, fixtures_dir, document, tmp_path):
     np.testing.assert_array_equal(table[:, 0], np.arange(len(expected)) / whole.rate)
 
 
+@pytest.mark.parametrize("document", TAKES)
+@pytest.mark.parametrize("to", ["npz", "csv"])
+def test_positions_are_read_back_as_the_same_motion(exported, fixtures_dir, document, to):
+    folder, (clip,) = exported([record(document, 4.0, 6.0)], to=to, handles=1.0)
+    whole, part = read_motion(fixtures_dir / document), read_motion(folder / clip["file"])
+    expected = whole.positions[clip["clip_start_frame"] : clip["clip_end_frame"]]
+    np.testing.assert_array_equal(part.positions, expected)
+    assert part.rate == whole.rate
+    words = extract_features(whole)[120:180]
+    np.testing.assert_array_equal(extract_features(part)[30:90], words)
+
+
+@pytest.mark.parametrize("to", ["npz", "csv"])
+def test_made_joints_are_made_again(exported, real_data, to):
+    document = "c3d/PlugInC3D.c3d"
+    folder, (clip,) = exported([record(document, 0.5, 1.5)], to=to, roots=(real_data,))
+    whole, part = read_motion(real_data / document), read_motion(folder / clip["file"])
+    assert set(whole.made) <= set(part.made) <= {*whole.made, "headtop", "belly", "chest", "neck"}
+
+
 def test_handles_end_where_the_motion_ends(exported, fixtures_dir):
     seconds = read_take(fixtures_dir / TAKES[1]).source_frames / 30
     _, (first, last) = exported(
