@@ -138,7 +138,7 @@ def _body(poses: FloatArray) -> tuple[float, float]:
         for upper, lower in (("hip", "knee"), ("knee", "ankle"))
         for side in "lr"
     ]
-    known = [float(np.median(length)) for length in lengths if np.isfinite(length).all()]
+    known = [float(np.nanmedian(each)) for each in lengths if np.isfinite(each).any()]
     size = 2 * float(np.mean(known)) / LEG if known else 1.0
     heights = poses[..., 1]
     lowest = np.where(np.isfinite(heights), heights, np.inf).min(axis=1)

@@ -5,6 +5,7 @@ const STRIPES_HIGH = 20;
 
 const cards = [...document.querySelectorAll(".card")].map((element) => ({
   element,
+  number: Number(element.dataset.hit),
   hit: data.hits[Number(element.dataset.hit)],
   visible: false,
   drawn: false, // its stripes
@@ -127,7 +128,8 @@ function filterCards() {
   const part = $("part").value.trim().toLowerCase();
   let count = 0;
   for (const { element, hit } of cards) {
-    const passes = classes.has(hit.class) && hit.cost <= most && data.documents[hit.document].name.toLowerCase().includes(part);
+    const { name } = data.documents[hit.document];
+    const passes = classes.has(hit.class) && hit.cost <= most && name.toLowerCase().includes(part);
     element.hidden = !passes;
     count += passes;
   }
@@ -151,7 +153,7 @@ function sortCards() {
   const order = $("order").value;
   if (order === ordered) return;
   ordered = order;
-  cards.sort((a, b) => ORDERS[order](a, b) || data.hits.indexOf(a.hit) - data.hits.indexOf(b.hit));
+  cards.sort((a, b) => ORDERS[order](a, b) || a.number - b.number);
   $("cards").append(...cards.map(({ element }) => element));
 }
 

@@ -36,7 +36,8 @@ function drawStripes(canvas, clip, unknown, row) {
       const on = frame < frames && holds(clip.piece, clip.start + frame, number);
       if (on && since < 0) since = frame;
       if (!on && since >= 0) {
-        pen.fillRect((since / frames) * width, y, Math.max(((frame - since) / frames) * width, 0.75), row - line);
+        const long = Math.max(((frame - since) / frames) * width, 0.75);
+        pen.fillRect((since / frames) * width, y, long, row - line);
         since = -1;
       }
     }
@@ -100,7 +101,8 @@ function readableOn(paint) {
 function drawCurves(pen, entry, chosen, top, height, across, width) {
   const own = entry.curves.filter((curve) => curve.class === chosen.class);
   const [inner, bottom] = [height - 8, top + height - 2];
-  const highest = Math.max(...own.map((curve) => Math.max(1.6 * curve.tau, costsOf(curve).reduce((a, b) => (b > a ? b : a), 0))), 1e-6);
+  const peak = (curve) => costsOf(curve).reduce((most, cost) => (cost > most ? cost : most), 1.6 * curve.tau);
+  const highest = Math.max(...own.map(peak), 1e-6);
   const up = (cost) => bottom - (cost / highest) * inner;
   pen.fillStyle = colour("backdrop");
   pen.fillRect(0, top + 4, width, height - 6);
@@ -136,7 +138,8 @@ function drawCurves(pen, entry, chosen, top, height, across, width) {
 
 function drawSeconds(pen, entry, across, width, height) {
   const duration = entry.frames / data.rate;
-  const step = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1800].find((each) => (each / duration) * width > 44) ?? 3600;
+  const steps = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1800];
+  const step = steps.find((each) => (each / duration) * width > 44) ?? 3600;
   pen.fillStyle = colour("soft");
   for (let number = 0; number * step <= duration; number += 1) {
     const x = across(number * step * data.rate);

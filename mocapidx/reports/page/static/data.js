@@ -61,7 +61,7 @@ function facing(pose) {
 /** A stretch to be played: frames [start, end) of a piece, and the body that moves there. */
 function makeClip(piece, start, end, body) {
   const pose = poseAt(piece, start);
-  return { piece, start, end, size: body.size, floor: body.floor, facing: facing(pose), root: [pose[0], pose[2]] };
+  return { piece, start, end, size: body.size, floor: body.floor, facing: facing(pose) };
 }
 
 function pieceOf(hit) {
@@ -85,7 +85,8 @@ function referenceClip(hit) {
   if (hit.reference === null) return null;
   const reference = data.references[hit.reference];
   if (reference.hit !== null) return hitClip(data.hits[reference.hit]);
-  reference.clip ??= makeClip(reference.piece, reference.piece.start, reference.piece.start + reference.piece.frames, reference);
+  const { piece } = reference;
+  reference.clip ??= makeClip(piece, piece.start, piece.start + piece.frames, reference);
   return reference.clip;
 }
 
@@ -102,7 +103,8 @@ function referenceFrame(hit, frame) {
 
 /** The costs of a distance function, NaN where no match can end. */
 function costsOf(curve) {
-  curve.decoded ??= Float32Array.from(new Uint16Array(bytesOf(curve.costs).buffer), (cost) => (cost === NO_COST ? NaN : cost / 10000));
+  const values = () => new Uint16Array(bytesOf(curve.costs).buffer);
+  curve.decoded ??= Float32Array.from(values(), (cost) => (cost === NO_COST ? NaN : cost / 10000));
   return curve.decoded;
 }
 

@@ -5,8 +5,13 @@ const FIELD = 26; // degrees
 const GRID = 0.5; // metres between lines of the floor
 const BESIDE = 1.15; // metres between a hit and what it is compared with
 const FIRST_VIEW = { azimuth: 0.6, elevation: 0.2, distance: 1 };
+const SLIM = { beside: 0.85, over: 0.6 }; // what lies over a hit hides in it where both agree
 const CARD_VIEW = { azimuth: 0.6, elevation: 0.2, distance: 0.88 };
-const THICK = { root: 0.06, belly: 0.07, chest: 0.07, neck: 0.048, hip: 0.06, knee: 0.052, ankle: 0.042, toes: 0.034, clavicle: 0.045, shoulder: 0.046, elbow: 0.04, wrist: 0.033, fingers: 0.028, head: 0.04 };
+const THICK = {
+  root: 0.06, belly: 0.07, chest: 0.07, neck: 0.048, head: 0.04,
+  hip: 0.06, knee: 0.052, ankle: 0.042, toes: 0.034,
+  clavicle: 0.045, shoulder: 0.046, elbow: 0.04, wrist: 0.033, fingers: 0.028,
+};
 
 function thickness(joint) {
   const name = data.joints[joint];
@@ -53,9 +58,9 @@ class Figure {
     this.flat.color.setStyle(colour("shadow"));
   }
 
-  /** Take on a pose: joint positions, and the height of the ground they stand on. */
-  pose(pose, size, floor) {
-    const slim = this.pale ? 0.8 * size : size;
+  /** Take on a pose: joint positions, and the height of the ground; slim by a share of what is usual. */
+  pose(pose, size, floor, share = 1) {
+    const slim = share * size;
     const at = (joint) => new THREE.Vector3(pose[3 * joint], pose[3 * joint + 1] - floor, pose[3 * joint + 2]);
     const points = data.joints.map((_, joint) => at(joint));
     const there = points.map((point) => !Number.isNaN(point.x));
@@ -71,20 +76,21 @@ class Figure {
       set(this.bones, joint, bone, middle, turn, [thick, length, thick]);
       if (bone && joint === JOINT.headtop) {
         // The head is one ball, longer than wide, from the neck's end to the crown.
-        const wide = Math.min(Math.max(0.78 * length, 0.07 * slim), 0.14 * slim);
+        const wide = share * Math.min(Math.max(0.78 * length, 0.07 * size), 0.14 * size);
         set(this.balls, joint, ball, middle, turn, [wide, 1.2 * wide, wide]);
       } else {
         set(this.balls, joint, ball, points[joint], turn, [thick, thick, thick]);
       }
     }
     const { root, belly, chest, neck, lhip, rhip, lshoulder, rshoulder } = JOINT;
-    this.trunk(0, points, there, [belly, neck, lshoulder, rshoulder], slim, [0.41, 0.66, 0.2]);
-    this.trunk(1, points, there, [root, chest, lhip, rhip], slim, [0.72, 0.62, 0.42]);
+    const all = (parts) => parts.map((part) => part * share);
+    this.trunk(0, points, there, [belly, neck, lshoulder, rshoulder], size, all([0.41, 0.66, 0.2]));
+    this.trunk(1, points, there, [root, chest, lhip, rhip], size, all([0.72, 0.62, 0.42]));
     this.bones.instanceMatrix.needsUpdate = this.balls.instanceMatrix.needsUpdate = true;
   }
 
   /** A ball for the chest or the pelvis: as wide as the limbs stand apart, as high as the spine. */
-  trunk(number, points, there, joints, slim, [wide, high, deep]) {
+  trunk(number, points, there, joints, size, [wide, high, deep]) {
     const [low, top, left, right] = joints.map((joint) => points[joint]);
     const known = joints.every((joint) => there[joint]);
     const along = new THREE.Vector3().subVectors(top, low);
@@ -95,7 +101,8 @@ class Figure {
     const basis = new THREE.Matrix4().makeBasis(new THREE.Vector3().crossVectors(along, forth), along, forth);
     const turn = new THREE.Quaternion().setFromRotationMatrix(basis);
     const middle = number ? low.clone().lerp(top, 0.2) : low.clone().lerp(top, 0.5);
-    set(this.balls, data.joints.length + number, known, middle, turn, [wide * width, high * length, Math.max(deep * width, 0.07 * slim)]);
+    const depth = Math.max(deep * width, 0.35 * deep * size);
+    set(this.balls, data.joints.length + number, known, middle, turn, [wide * width, high * length, depth]);
   }
 }
 
@@ -122,7 +129,8 @@ class Studio {
     sun.position.set(-1, 2.2, 1.2);
     this.sun = sun;
     this.scene.add(sun, sun.target, new THREE.HemisphereLight(0xffffff, 0x8890a0, 1.6));
-    const geometry = { bone: new THREE.CylinderGeometry(1, 1, 1, 14, 1, true), ball: new THREE.SphereGeometry(1, 18, 12) };
+    const bone = new THREE.CylinderGeometry(1, 1, 1, 14, 1, true);
+    const geometry = { bone, ball: new THREE.SphereGeometry(1, 18, 12) };
     this.figure = new Figure(this.scene, geometry, false);
     this.other = new Figure(this.scene, geometry, true);
     this.grid = this.makeGrid();
@@ -135,7 +143,9 @@ class Studio {
     const half = 9;
     // Short lines: some programs that draw lose long ones that pass behind the camera.
     for (let line = -half; line <= half; line += GRID) {
-      for (let from = -half; from < half; from += 1) points.push(from, 0, line, from + 1, 0, line, line, 0, from, line, 0, from + 1);
+      for (let from = -half; from < half; from += 1) {
+        points.push(from, 0, line, from + 1, 0, line, line, 0, from, line, 0, from + 1);
+      }
     }
     const geometry = new THREE.BufferGeometry();
     geometry.setAttribute("position", new THREE.Float32BufferAttribute(points, 3));
@@ -168,7 +178,8 @@ class Studio {
     const beside = other !== null && other.mode === "beside";
     if (other !== null) this.place(other, clip, pose, beside ? right : [0, 0]);
     const middle = beside ? (BESIDE * clip.size) / 2 : 0;
-    this.look(clip, [target[0] + middle * right[0], target[1] + middle * right[1]], azimuth, view, width / height, beside);
+    const centre = target.map((place, i) => place + middle * right[i]);
+    this.look(clip, centre, azimuth, view, width / height, beside);
     const bottom = size.height - height;
     this.renderer.setViewport(0, bottom, width, height);
     this.renderer.setScissor(0, bottom, width, height);
@@ -205,7 +216,7 @@ class Studio {
       theirs[i + 1] = (theirs[i + 1] - its.floor) * scale;
       theirs[i + 2] = pose[2] - sin * x + cos * z + away * right[1];
     }
-    this.other.pose(theirs, clip.size, 0);
+    this.other.pose(theirs, clip.size, 0, SLIM[other.mode]);
   }
 
   look(clip, [x, z], azimuth, view, aspect, beside) {
@@ -215,7 +226,8 @@ class Studio {
     const level = Math.cos(view.elevation) * away;
     const height = 0.9 * clip.size;
     this.camera.aspect = aspect;
-    this.camera.position.set(x + Math.sin(azimuth) * level, height + Math.sin(view.elevation) * away, z + Math.cos(azimuth) * level);
+    const above = height + Math.sin(view.elevation) * away;
+    this.camera.position.set(x + Math.sin(azimuth) * level, above, z + Math.cos(azimuth) * level);
     this.camera.lookAt(x, height, z);
     this.camera.updateProjectionMatrix();
     this.sun.target.position.set(x, 0, z);

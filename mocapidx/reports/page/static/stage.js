@@ -13,7 +13,8 @@ function choose(card, byHand) {
   $("stage-label").textContent = label;
   $("stage-document").textContent = entry.name;
   const rank = card.hit.rank === null ? "" : `rank ${card.hit.rank} · `;
-  $("stage-facts").textContent = `${rank}cost ${Number(card.hit.cost.toPrecision(4))} · ${seconds(card.hit.start)} – ${seconds(card.hit.end)} s`;
+  const cost = Number(card.hit.cost.toPrecision(4));
+  $("stage-facts").textContent = `${rank}cost ${cost} · ${seconds(card.hit.start)} – ${seconds(card.hit.end)} s`;
   $("stage-still").replaceChildren(card.element.querySelector(".still").cloneNode(true));
   const reference = card.hit.reference === null ? null : data.references[card.hit.reference];
   const itself = reference?.hit !== null && data.hits[reference?.hit] === card.hit;
@@ -34,8 +35,9 @@ function setRange() {
   const kept = before?.piece === stage.clip.piece && stage.frame >= hit.start && stage.frame < hit.end;
   if (!kept) stage.frame = hit.start;
   const entry = data.documents[hit.document];
-  const held = stage.clip.piece.frames === entry.frames ? "" : ` · the page holds ${seconds(stage.clip.piece.start)} – ${seconds(stage.clip.piece.start + stage.clip.piece.frames)} s`;
-  stage.told = `${seconds(entry.frames)} s${held}`;
+  const { start, frames } = stage.clip.piece;
+  const held = ` · the page holds ${seconds(start)} – ${seconds(start + frames)} s`;
+  stage.told = `${seconds(entry.frames)} s${frames === entry.frames ? "" : held}`;
   $("take").textContent = stage.told;
   drawCharts();
 }
@@ -43,7 +45,7 @@ function setRange() {
 function drawCharts() {
   if (!stage.hit) return;
   const entry = data.documents[stage.hit.document];
-  const row = innerHeight < 760 ? 2 : 3;
+  const row = innerHeight < 900 ? 2 : 3;
   drawStripes($("stripes").firstElementChild, stage.clip, entry.untrusted, row);
   drawTimeline($("timeline").firstElementChild, entry, stage.hit);
   stage.widths = { stripes: $("stripes").clientWidth, timeline: $("timeline").clientWidth };
@@ -103,7 +105,8 @@ function drawStage(studio) {
   const { clip, frame, hit } = stage;
   const canvas = $("view");
   const ratio = Math.min(devicePixelRatio || 1, 2);
-  const [width, height] = [Math.round($("viewport").clientWidth * ratio), Math.round($("viewport").clientHeight * ratio)];
+  const { clientWidth, clientHeight } = $("viewport");
+  const [width, height] = [clientWidth, clientHeight].map((length) => Math.round(length * ratio));
   if (!width || !height) return;
   if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
   const within = frame >= hit.start && frame < hit.end;
