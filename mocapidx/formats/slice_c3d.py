@@ -35,6 +35,9 @@ class C3dFrames:
     layout: C3dLayout
     data: bytes
 
+    def __len__(self) -> int:
+        return self.layout.frames
+
     def cut(self, start: int, end: int) -> bytes:
         """Return the bytes of a stretch.
 

@@ -42,6 +42,9 @@ class TextFrames:
     bounds: IndexArray
     count: tuple[int, int] | None
 
+    def __len__(self) -> int:
+        return len(self.bounds)
+
     def cut(self, start: int, end: int) -> bytes:
         """Return the text of a stretch.
 

@@ -6,12 +6,13 @@ from typing import Final, Literal, TypeAlias
 
 from mocapidx.errors import FormatError
 from mocapidx.formats.amc import read_amc
-from mocapidx.formats.slice_c3d import c3d_frames
-from mocapidx.formats.slice_text import amc_frames, bvh_frames, with_rate
+from mocapidx.formats.slice_c3d import C3dFrames, c3d_frames
+from mocapidx.formats.slice_text import TextFrames, amc_frames, bvh_frames, with_rate
 from mocapidx.formats.text import Limits, read_text
 from mocapidx.formats.write_bvh import bvh_text
 from mocapidx.formats.write_positions import positions_csv, positions_npz
 from mocapidx.model import Motion
+from mocapidx.printable import shown
 from mocapidx.skeleton.rigs import as_joints
 from mocapidx.skeleton.solve import solved_rig
 from mocapidx.tasks.origins import Origin
@@ -84,11 +85,11 @@ def open_source(origin: Origin, to: ClipFormat) -> ClipSource:
     suffix, limits = origin.path.suffix.lower(), origin.options.limits
     cut: Cut
     if suffix == ".bvh" and to in ("source", "bvh"):
-        cut = _as_it_is(suffix, bvh_frames(origin.path, limits).cut)
+        cut = _as_it_is(suffix, reading, bvh_frames(origin.path, limits))
     elif suffix == ".amc" and to == "source":
         cut = _with_skeleton(origin, reading, limits)
     elif suffix == ".c3d" and to == "source":
-        cut = _as_it_is(suffix, c3d_frames(origin.path, limits).cut)
+        cut = _as_it_is(suffix, reading, c3d_frames(origin.path, limits))
     elif suffix == ".amc" and to == "bvh":
         cut = _as_joints(origin, reading)
     elif to == "bvh":
@@ -98,13 +99,24 @@ def open_source(origin: Origin, to: ClipFormat) -> ClipSource:
     return ClipSource(origin, reading, cut)
 
 
-def _as_it_is(suffix: str, cut: Callable[[int, int], bytes]) -> Cut:
-    return lambda start, end: Clip(((suffix, cut(start, end)),), KEPT)
+def _as_it_is(suffix: str, reading: Reading, frames: TextFrames | C3dFrames) -> Cut:
+    _check_frames(reading, frames)
+    return lambda start, end: Clip(((suffix, frames.cut(start, end)),), KEPT)
+
+
+def _check_frames(reading: Reading, frames: TextFrames | C3dFrames) -> None:
+    """See to it that a frame is the same one to the reader and to the scissors."""
+    if len(frames) != reading.source_frames:
+        raise FormatError(
+            f"{shown(reading.sources[0], None)}: has {reading.source_frames} frames, of which "
+            f"{len(frames)} can be told apart; export it as bvh, npz or csv"
+        )
 
 
 def _with_skeleton(origin: Origin, reading: Reading, limits: Limits) -> Cut:
     skeleton = read_text(reading.sources[1], limits)
     frames = amc_frames(origin.path, limits)
+    _check_frames(reading, frames)
 
     def cut(start: int, end: int) -> Clip:
         text = frames.cut(start, end)

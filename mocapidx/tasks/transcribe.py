@@ -123,7 +123,7 @@ def _rows(transcripts: Sequence[Transcript], row_format: str) -> bytes:
         }
         | ({"cost": span.cost} if row_format == "jsonl" else {})
         for each in transcripts
-        for span in sorted(each.spans, key=lambda span: (span.start or 0.0, span.end or 0.0))
+        for span in each.by_time
     ]
     lines = render_records(records, row_format, COLUMNS)
     return "".join(f"{line}\n" for line in lines).encode("utf-8")

@@ -42,7 +42,7 @@ def babel_text(transcripts: Sequence[Transcript]) -> bytes:
 
 
 def _sequence(number: int, transcript: Transcript) -> dict[str, Any]:
-    spans = sorted(transcript.spans, key=lambda span: (span.start or 0.0, span.end or 0.0))
+    spans = transcript.by_time
     several = any((a.end or 0.0) > (b.start or 0.0) for a, b in itertools.pairwise(spans))
     labels = dict.fromkeys(span.label for span in spans)
     return {

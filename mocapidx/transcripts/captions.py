@@ -13,7 +13,13 @@ from typing import Final
 from mocapidx.errors import FormatError
 from mocapidx.printable import shown
 from mocapidx.transcripts.decoding import decoded_text
-from mocapidx.transcripts.spans import Span, Transcript, checked_span, plain_text
+from mocapidx.transcripts.spans import (
+    Span,
+    Transcript,
+    checked_span,
+    milliseconds,
+    plain_text,
+)
 
 __all__ = ["read_srt", "read_vtt", "srt_text", "vtt_text"]
 
@@ -42,7 +48,7 @@ def vtt_text(transcript: Transcript) -> bytes:
     """
     name = html.escape(plain_text(transcript.document), quote=False)
     blocks = [f"WEBVTT\n\nNOTE {DOCUMENT}{name}\n"]
-    for number, span in enumerate(_by_time(transcript), start=1):
+    for number, span in enumerate(transcript.by_time, start=1):
         label = html.escape(plain_text(span.label), quote=False)
         blocks.append(f"{number}\n{_timing(span, '.')}\n{label}\n")
     return "\n".join(blocks).encode("utf-8")
@@ -63,23 +69,18 @@ def srt_text(transcript: Transcript) -> bytes:
     """
     blocks = [
         f"{number}\n{_timing(span, ',')}\n{plain_text(span.label)}\n"
-        for number, span in enumerate(_by_time(transcript), start=1)
+        for number, span in enumerate(transcript.by_time, start=1)
     ]
     return "\n".join(blocks).encode("utf-8")
 
 
-def _by_time(transcript: Transcript) -> list[Span]:
-    return sorted(transcript.spans, key=lambda span: (span.start or 0.0, span.end or 0.0))
-
-
 def _timing(span: Span, point: str) -> str:
-    start = round(1000 * (span.start or 0.0))
-    end = max(round(1000 * (span.end or 0.0)), start + 1)
+    start, end = milliseconds(span)
     return f"{_clock(start, point)} --> {_clock(end, point)}"
 
 
-def _clock(milliseconds: int, point: str) -> str:
-    seconds, rest = divmod(milliseconds, 1000)
+def _clock(time: int, point: str) -> str:
+    seconds, rest = divmod(time, 1000)
     minutes, seconds = divmod(seconds, 60)
     return f"{minutes // 60:02d}:{minutes % 60:02d}:{seconds:02d}{point}{rest:03d}"
 

@@ -13,7 +13,14 @@ from xml.sax.saxutils import escape, quoteattr
 
 from mocapidx.errors import FormatError
 from mocapidx.printable import count, shown
-from mocapidx.transcripts.spans import Span, Transcript, checked_span, plain_text, tiers
+from mocapidx.transcripts.spans import (
+    Span,
+    Transcript,
+    checked_span,
+    milliseconds,
+    plain_text,
+    tiers,
+)
 
 __all__ = ["eaf_text", "read_eaf"]
 
@@ -47,8 +54,8 @@ def eaf_text(transcript: Transcript) -> bytes:
         One tier a class, times in milliseconds; the document's name is a property. The date is
         that of no day, so that equal transcripts give equal bytes.
     """
-    laid = tiers(transcript.spans)
-    times = sorted(time for _, spans in laid for span in spans for time in _milliseconds(span))
+    laid = tiers(transcript)
+    times = sorted(time for _, spans in laid for span in spans for time in milliseconds(span))
     slots = [
         f'        <TIME_SLOT TIME_SLOT_ID="ts{slot}" TIME_VALUE="{time}"/>\n'
         for slot, time in enumerate(times, start=1)
@@ -62,7 +69,7 @@ def eaf_text(transcript: Transcript) -> bytes:
         rows.append(f'    <TIER LINGUISTIC_TYPE_REF="default-lt" TIER_ID={quoteattr(name)}>\n')
         for span in spans:
             number += 1
-            first, last = (free[time].pop() for time in _milliseconds(span))
+            first, last = (free[time].pop() for time in milliseconds(span))
             rows.append(
                 f'        <ANNOTATION>\n            <ALIGNABLE_ANNOTATION ANNOTATION_ID="a{number}"'
                 f' TIME_SLOT_REF1="ts{first}" TIME_SLOT_REF2="ts{last}">\n                '
@@ -73,11 +80,6 @@ def eaf_text(transcript: Transcript) -> bytes:
     head = HEAD % (DOCUMENT, escape(plain_text(transcript.document)), number)
     order = ["    <TIME_ORDER>\n", *slots, "    </TIME_ORDER>\n"]
     return "".join([head, *order, *rows, TAIL]).encode("utf-8")
-
-
-def _milliseconds(span: Span) -> tuple[int, int]:
-    start = round(1000 * (span.start or 0.0))
-    return start, max(round(1000 * (span.end or 0.0)), start + 1)
 
 
 def read_eaf(data: bytes, where: str, stem: str) -> tuple[Transcript, ...]:

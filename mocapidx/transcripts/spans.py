@@ -8,7 +8,7 @@ from typing import Final
 from mocapidx.errors import FormatError
 from mocapidx.printable import shown
 
-__all__ = ["LATEST", "Span", "Transcript", "checked_span", "plain_text", "tiers"]
+__all__ = ["LATEST", "Span", "Transcript", "checked_span", "milliseconds", "plain_text", "tiers"]
 
 NOTHING: Final = "unlabelled"  # in place of a label without letters, which is a gap elsewhere
 LATEST: Final = 1e9
@@ -59,6 +59,11 @@ class Transcript:
     remarks: tuple[str, ...] = ()
 
     @property
+    def by_time(self) -> list[Span]:
+        """The spans by their start."""
+        return sorted(self.spans, key=lambda span: (span.start or 0.0, span.end or 0.0))
+
+    @property
     def end(self) -> float:
         """Seconds up to the end of the document, or at least of what is said of it."""
         return max([self.seconds or 0.0, *(span.end or 0.0 for span in self.spans)])
@@ -90,6 +95,23 @@ def checked_span(start: float, end: float, label: str, where: str) -> Span:
     return Span(start, end, " ".join(label.split()), where=where)
 
 
+def milliseconds(span: Span) -> tuple[int, int]:
+    """Give start and end of a span as whole milliseconds.
+
+    Parameters
+    ----------
+    span : Span
+        With times.
+
+    Returns
+    -------
+    start, end : int
+        Different, however short the span is.
+    """
+    start = round(1000 * (span.start or 0.0))
+    return start, max(round(1000 * (span.end or 0.0)), start + 1)
+
+
 def plain_text(text: str) -> str:
     r"""Make one printable line of a name, so that no program stumbles over it.
 
@@ -107,13 +129,13 @@ def plain_text(text: str) -> str:
     return shown(text, None).strip() or NOTHING
 
 
-def tiers(spans: Iterable[Span], taken: Iterable[str] = ()) -> list[tuple[str, list[Span]]]:
+def tiers(transcript: Transcript, taken: Iterable[str] = ()) -> list[tuple[str, list[Span]]]:
     """Lay spans out such that no two on one tier overlap.
 
     Parameters
     ----------
-    spans : iterable of Span
-        With times.
+    transcript : Transcript
+        Its spans have times.
     taken : iterable of str
         Names that tiers may not have.
 
@@ -125,7 +147,7 @@ def tiers(spans: Iterable[Span], taken: Iterable[str] = ()) -> list[tuple[str, l
     used = {*taken}
     laid: list[tuple[str, list[Span]]] = []
     by_label: dict[str, list[Span]] = {}
-    for span in sorted(spans, key=lambda span: (span.start or 0.0, span.end or 0.0)):
+    for span in transcript.by_time:
         by_label.setdefault(plain_text(span.label), []).append(span)
     for label in sorted(by_label):
         for own in _layers(by_label[label]):

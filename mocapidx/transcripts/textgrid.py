@@ -41,7 +41,7 @@ def textgrid_text(transcript: Transcript) -> bytes:
     """
     end = max(transcript.end, SHORTEST)
     laid = [(DOCUMENT, [Span(0.0, end, transcript.document)])]
-    laid += tiers(transcript.spans, taken=[DOCUMENT])
+    laid += tiers(transcript, taken=[DOCUMENT])
     lines = [
         'File type = "ooTextFile"',
         'Object class = "TextGrid"',

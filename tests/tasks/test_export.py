@@ -205,6 +205,21 @@ def test_a_store_knows_where_the_files_are(tmp_path, fixtures_store, fixtures_di
     np.testing.assert_array_equal(part.positions, whole.positions[480:600])
 
 
+@pytest.mark.parametrize(("to", "suffix"), [("npz", ".npz"), ("csv", ".npz"), ("bvh", ".bvh")])
+def test_clips_are_documents_again(tmp_path, exported, mocapidx, to, suffix):
+    folder, (clip,) = exported([record(TAKES[0], 4.0, 8.0)], to=to)
+    store = tmp_path / "clips.store"
+    done = mocapidx("index", folder / clip["file"], "--store", store, "--jobs", "1")
+    assert done.returncode == 0, done.stderr
+    hits = records_file(tmp_path / "again.jsonl", [record(clip["file"], 1.0, 2.0)])
+    export_clips(hits, tmp_path / "again", ExportOptions(stores=(store,)))
+    (again,) = sidecar(tmp_path / "again")
+    assert again["file"].endswith(suffix)
+    part = read_motion(tmp_path / "again" / again["file"])
+    whole = read_motion(folder / clip["file"])
+    np.testing.assert_array_equal(part.positions, whole.positions[120:240])
+
+
 def test_nothing_is_replaced_without_force(exported):
     folder, _ = exported([record(TAKES[1], 1.0, 2.0)])
     (clip,) = folder.glob("*.bvh")

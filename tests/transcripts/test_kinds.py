@@ -103,7 +103,10 @@ def test_what_overlaps_lies_on_tiers_of_its_own():
         Span(0, 1, "a (2)"),
         Span(0, 9, "b"),
     ]
-    laid = {name: [(s.start, s.end) for s in own] for name, own in tiers(spans, taken=["b"])}
+    laid = {
+        name: [(s.start, s.end) for s in own]
+        for name, own in tiers(Transcript("d", tuple(spans)), taken=["b"])
+    }
     assert laid == {
         "a": [(0, 2), (2, 3)],
         "a (2)": [(1, 3)],
