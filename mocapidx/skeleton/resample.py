@@ -3,9 +3,9 @@
 import numpy as np
 
 from mocapidx.errors import ParameterError
-from mocapidx.model import Motion
+from mocapidx.model import FloatArray, IndexArray, Motion
 
-__all__ = ["resample_motion", "resampled_frames"]
+__all__ = ["kept_frames", "resample_motion", "resampled_frames"]
 
 
 def resampled_frames(frames: int, source_rate: float, rate: float) -> int:
@@ -24,6 +24,36 @@ def resampled_frames(frames: int, source_rate: float, rate: float) -> int:
         The number of times ``i / rate`` that are not after the last frame.
     """
     return int(np.floor((frames - 1) * rate / source_rate + 1e-9)) + 1
+
+
+def kept_frames(frames: int, source_rate: float, rate: float) -> IndexArray | None:
+    """Return which frames a motion keeps at another rate, unchanged.
+
+    Parameters
+    ----------
+    frames : int
+        At `source_rate`, at least 1.
+    source_rate, rate : float
+        In Hz.
+
+    Returns
+    -------
+    ndarray of int64, or None
+        The frames at the times ``i / rate``; None if any of these lies between two frames.
+    """
+    if rate > source_rate:  # which may be very many
+        return None
+    before, part = _times(frames, source_rate, rate)
+    return None if part.any() else before
+
+
+def _times(frames: int, source_rate: float, rate: float) -> tuple[IndexArray, FloatArray]:
+    """Return the times ``i / rate`` as the frame before and the part of a frame after it."""
+    times = np.arange(resampled_frames(frames, source_rate, rate)) * (source_rate / rate)
+    before = np.minimum(np.floor(times + 1e-9).astype(np.int64), frames - 1)
+    part = times - before
+    part[np.abs(part) < 1e-9] = 0.0
+    return before, part
 
 
 def resample_motion(motion: Motion, rate: float) -> Motion:
@@ -52,11 +82,7 @@ def resample_motion(motion: Motion, rate: float) -> Motion:
         raise ParameterError("the motion has no frames")
     if rate == motion.rate:
         return motion
-    frames = resampled_frames(len(motion.positions), motion.rate, rate)
-    times = np.arange(frames) * (motion.rate / rate)  # in source frames
-    before = np.minimum(np.floor(times + 1e-9).astype(np.int64), len(motion.positions) - 1)
-    part = times - before
-    part[np.abs(part) < 1e-9] = 0.0
+    before, part = _times(len(motion.positions), motion.rate, rate)
     positions = motion.positions[before]
     between = np.flatnonzero(part > 0)
     if len(between):

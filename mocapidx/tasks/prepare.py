@@ -139,9 +139,9 @@ def prepare(job: Job) -> Outcome:
         digest = source_digest(sources)
         if _is_same(job, digest):
             return Unchanged(job.source.name)
-        reading = read_take(path, job.options)
-        length = len(reading.motion.positions)
-        frames = resampled_frames(length, reading.motion.rate, job.rate)
+        reading = read_take(path, job.options, job.rate)
+        length = reading.source_frames - reading.source_start
+        frames = resampled_frames(length, reading.source_rate, job.rate)
         job.options.limits.check_frames(frames, path)
     except FormatError as exc:
         return Refused(job.source.name, str(exc))
@@ -159,7 +159,7 @@ def prepare(job: Job) -> Outcome:
         mtime_ns=stamps[0][1],
         frames=len(told.words),
         source_frames=reading.source_frames,
-        source_rate=reading.motion.rate,
+        source_rate=reading.source_rate,
         rig=_rig(reading, sources[1:], stamps[1:], job.options, told),
         facts=job.facts,
     )

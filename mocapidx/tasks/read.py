@@ -10,7 +10,7 @@ from mocapidx.errors import FormatError
 from mocapidx.formats.registry import is_motion_file, read_recording, sources_of
 from mocapidx.formats.text import Limits, place
 from mocapidx.model import FloatArray, Motion, PointRecording, Recording
-from mocapidx.skeleton.canonical import canonical_positions, canonical_rest
+from mocapidx.skeleton.canonical import canonical_positions, canonical_rest, made_joints
 from mocapidx.skeleton.conventions import Conventions, detect_conventions
 from mocapidx.skeleton.gaps import fill_gaps
 from mocapidx.skeleton.jointmap import Mapping24, choose_map, load_joint_map
@@ -18,6 +18,7 @@ from mocapidx.skeleton.joints import CANONICAL_JOINTS
 from mocapidx.skeleton.markermap import load_marker_map
 from mocapidx.skeleton.markers import PointMapping, choose_marker_map, marker_joints
 from mocapidx.skeleton.pointconventions import detect_point_conventions
+from mocapidx.skeleton.resample import kept_frames
 from mocapidx.skeleton.rotations import upright
 from mocapidx.tasks.reading import RateOrigin, Reading, ReadOptions
 
@@ -38,7 +39,7 @@ SLOW_RATE, SLOW_HOURS = 7.5, 0.5  # a quarter of a store's usual rate
 RATE_IN_NAME: Final = re.compile(r"_(100|120|150|180|200|240|250|300|360|400|480|500)\Z")
 
 
-def read_take(path: Path, options: ReadOptions | None = None) -> Reading:
+def read_take(path: Path, options: ReadOptions | None = None, rate: float | None = None) -> Reading:
     """Read a motion file.
 
     Parameters
@@ -47,6 +48,9 @@ def read_take(path: Path, options: ReadOptions | None = None) -> Reading:
         A motion file of any kind.
     options : ReadOptions, optional
         What the user says about it.
+    rate : float, optional
+        Frames a second that will be looked at, in Hz: where they are all frames of the file,
+        only these are computed and the motion has this rate. Else it has the source rate.
 
     Returns
     -------
@@ -60,7 +64,7 @@ def read_take(path: Path, options: ReadOptions | None = None) -> Reading:
     FeatureSetError
         If the user's joint map is none.
     """
-    return read_any(path, options or ReadOptions())[0]
+    return read_any(path, options or ReadOptions(), rate)[0]
 
 
 def read_motion(path: str | Path, **options: Any) -> Motion:
@@ -89,7 +93,7 @@ def read_motion(path: str | Path, **options: Any) -> Motion:
 
 
 def read_any(
-    path: Path, options: ReadOptions
+    path: Path, options: ReadOptions, rate: float | None = None
 ) -> tuple[Reading, Recording | PointRecording, Mapping24 | PointMapping]:
     """Read a motion file and keep what it holds.
 
@@ -99,6 +103,8 @@ def read_any(
         A motion file of any kind.
     options : ReadOptions
         What the user says about it.
+    rate : float, optional
+        As for `read_take`.
 
     Returns
     -------
@@ -121,7 +127,7 @@ def read_any(
     )
     if isinstance(recording, PointRecording):
         return _from_points(path, recording, options)
-    return _from_channels(path, sources, recording, options)
+    return _from_channels(path, sources, recording, options, rate)
 
 
 def read_recorded(path: Path, options: ReadOptions) -> tuple[Reading, Recording, Mapping24]:
@@ -156,27 +162,38 @@ def read_recorded(path: Path, options: ReadOptions) -> tuple[Reading, Recording,
 
 
 def _from_channels(
-    path: Path, sources: tuple[Path, ...], recording: Recording, options: ReadOptions
+    path: Path,
+    sources: tuple[Path, ...],
+    recording: Recording,
+    options: ReadOptions,
+    wanted_rate: float | None,
 ) -> tuple[Reading, Recording, Mapping24]:
     joint_map = None if options.joint_map is None else load_joint_map(options.joint_map)
     mapping = choose_map(recording.skeleton, joint_map, place(sources[-1]))
     conventions = detect_conventions(recording, mapping, options.overrides())
     start = int(conventions.first_frame != "motion")
     rate, origin = _rate(path, recording.rate, options)
-    root_positions = conventions.root_positions or "add"
+    frames = len(recording.values)
+    _check_time(path, frames - start, rate)
+    kept = None
+    # a head's top that is made up depends on all frames
+    if wanted_rate is not None and None not in made_joints(mapping).values():
+        kept = kept_frames(frames - start, rate, wanted_rate)
+    positions = canonical_positions(
+        recording,
+        mapping,
+        conventions.root_positions or "add",
+        slice(start, None) if kept is None else start + kept,
+    )
     motion = Motion(
         joints=CANONICAL_JOINTS,
-        positions=_in_metres(
-            canonical_positions(recording, mapping, root_positions, slice(start, None)),
-            conventions,
-        ),
-        rate=rate,
+        positions=_in_metres(positions, conventions),
+        rate=rate if kept is None or wanted_rate is None else wanted_rate,
         rest=_rest(recording, mapping, conventions),
         made=conventions.made,
     )
-    _check_time(path, motion)
-    frames = len(recording.values)
-    return Reading(motion, conventions, sources, frames, start, origin), recording, mapping
+    reading = Reading(motion, conventions, sources, frames, start, rate, origin)
+    return reading, recording, mapping
 
 
 def _from_points(
@@ -197,21 +214,21 @@ def _from_points(
         positions[:, mapping.used] = filled
     joints = marker_joints(mapping, positions[start:], conventions.unit)
     motion = Motion(CANONICAL_JOINTS, _in_metres(joints, conventions), rate, made=conventions.made)
-    _check_time(path, motion)
     frames = len(positions)
+    _check_time(path, frames - start, rate)
     return (
-        Reading(motion, conventions, (path,), frames, start, origin, gaps),
+        Reading(motion, conventions, (path,), frames, start, rate, origin, gaps),
         recording,
         mapping,
     )
 
 
-def _check_time(path: Path, motion: Motion) -> None:
+def _check_time(path: Path, frames: int, rate: float) -> None:
     """Refuse hours of hardly any frames, which a small file can claim and no camera makes."""
-    hours = len(motion.positions) / motion.rate / 3600
-    if motion.rate < SLOW_RATE and hours > SLOW_HOURS:
+    hours = frames / rate / 3600
+    if rate < SLOW_RATE and hours > SLOW_HOURS:
         raise FormatError(
-            f"{place(path)}: {hours:.1f} hours of {motion.rate:g} frames a second; expected at "
+            f"{place(path)}: {hours:.1f} hours of {rate:g} frames a second; expected at "
             f"least {SLOW_RATE:g} frames a second in takes of more than half an hour"
         )
 

@@ -81,7 +81,7 @@ class Reading:
     Parameters
     ----------
     motion : Motion
-        The 24 canonical joints in their order, at the source rate.
+        The 24 canonical joints in their order, at the source rate unless another was asked for.
     conventions : Conventions
         How the file was read, and why so.
     sources : tuple of Path
@@ -90,6 +90,8 @@ class Reading:
         Frames in the file.
     source_start : int
         The frame of the file that frame 0 of `motion` is: 1 after a dropped T-pose.
+    source_rate : float
+        Frames a second of the file, in Hz.
     rate_origin : {"option", "file", "name", "assumed"}
         Where the source rate comes from.
     gaps : GapCounts
@@ -101,5 +103,6 @@ class Reading:
     sources: tuple[Path, ...]
     source_frames: int
     source_start: int
+    source_rate: float
     rate_origin: RateOrigin
     gaps: GapCounts = field(default_factory=GapCounts)

@@ -3,7 +3,7 @@ import pytest
 
 from mocapidx.errors import ParameterError
 from mocapidx.model import Motion
-from mocapidx.skeleton.resample import resample_motion, resampled_frames
+from mocapidx.skeleton.resample import kept_frames, resample_motion, resampled_frames
 
 
 def motion(frames, rate, rest=None):
@@ -55,3 +55,20 @@ def test_a_rate_must_be_positive(rate):
 def test_nothing_can_not_be_resampled():
     with pytest.raises(ParameterError, match="no frames"):
         resample_motion(motion(0, 30.0), 10.0)
+
+
+@pytest.mark.parametrize(
+    ("source_rate", "rate", "step"),
+    [(120, 30, 4), (30, 30, 1), (119.88, 29.97, 4), (60, 20, 3), (1 / 0.0083333, 30.00012, 4)],
+)
+def test_frames_are_kept_where_the_rates_divide(source_rate, rate, step):
+    kept = kept_frames(26, source_rate, rate)
+    assert kept.tolist() == list(range(0, 26, step))
+    positions = np.random.default_rng(0).normal(size=(26, 1, 3))
+    resampled = resample_motion(Motion(("root",), positions, source_rate), rate)
+    np.testing.assert_array_equal(resampled.positions, positions[kept])
+
+
+@pytest.mark.parametrize(("source_rate", "rate"), [(100, 30), (30, 120), (24, 25), (0.1, 1e4)])
+def test_no_frames_are_kept_where_others_lie_between(source_rate, rate):
+    assert kept_frames(1_000_000, source_rate, rate) is None

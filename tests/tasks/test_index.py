@@ -445,8 +445,8 @@ def test_a_file_that_is_written_while_it_is_read_is_refused(takes, tmp_path, mon
     victim = sorted((takes / "walk").glob("*.amc"))[-1]
     read_take = prepare_task.read_take
 
-    def growing(path, options):
-        reading = read_take(path, options)
+    def growing(path, options, rate):
+        reading = read_take(path, options, rate)
         if path == victim:
             os.utime(path, ns=(1, 1))
         return reading

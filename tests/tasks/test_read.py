@@ -6,6 +6,7 @@ import pytest
 
 from mocapidx.errors import FormatError, ParameterError
 from mocapidx.skeleton.joints import CANONICAL_JOINTS, INDEX
+from mocapidx.skeleton.resample import resample_motion
 from mocapidx.tasks.read import Limits, ReadOptions, read_motion, read_take
 from mocapidx.tasks.skeleton_report import skeleton_report
 from tests.small_files import PERSON, bvh_text, person_rows
@@ -248,3 +249,23 @@ def test_hours_of_hardly_any_frames_are_refused(tmp_path):
         read_take(path)
     path.write_text(bvh_text(PERSON, person_rows(180), frame_time="10"))
     assert read_take(path).motion.rate == 0.1
+
+
+@pytest.mark.parametrize("rate", [30.0, 15.0, 10.0, 12.0, 60.0])
+def test_the_frames_of_a_lower_rate_are_those_of_the_whole_take(tmp_path, rate):
+    path = tmp_path / "person.bvh"
+    path.write_text(bvh_text(PERSON, person_rows(20, LeftArm=(1, 20, 0))))
+    whole, part = read_take(path), read_take(path, rate=rate)
+    expected = resample_motion(whole.motion, rate)
+    found = resample_motion(part.motion, rate)
+    np.testing.assert_array_equal(found.positions, expected.positions)
+    assert part.source_rate == whole.source_rate == whole.motion.rate
+    assert part.source_frames == whole.source_frames
+
+
+@needs_data
+def test_a_lower_rate_computes_only_its_frames():
+    path = sorted((DATA / "hdm05").rglob("*.amc"))[0]
+    whole, part = read_take(path), read_take(path, rate=30.0)
+    assert part.motion.rate == 30.0
+    np.testing.assert_array_equal(part.motion.positions, whole.motion.positions[::4])
