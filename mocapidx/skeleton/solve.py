@@ -18,6 +18,7 @@ from mocapidx.skeleton.angles import channel_angles
 __all__ = ["solved_rig"]
 
 CENTIMETRE: Final = 0.01
+DECIMALS: Final = 6  # of centimetres and degrees: far below what bones of fixed length leave off
 ORDER: Final = (2, 1, 0)  # z, y, x: what most programs write and read
 SAME_POINT: Final = 1e-6  # metres
 VERTICAL: Final = np.array([0.0, 1.0, 0.0])
@@ -219,18 +220,20 @@ def _recording(
     turns: Sequence[FloatArray],
 ) -> Recording:
     leaves = [i for i in range(len(names)) if i not in parents and not names[i].endswith("/End")]
-    nodes, kinds, columns = [0, 0, 0], [0, 1, 2], [root / CENTIMETRE]
+    nodes, kinds, columns = [0, 0, 0], [0, 1, 2], [np.round(root / CENTIMETRE, DECIMALS)]
     for i, name in enumerate(names):
         if not name.endswith("/End"):
             above = turns[parents[i]] if i else np.broadcast_to(np.eye(3), turns[0].shape)
             local = np.einsum("tji,tjk->ikt", above, turns[i])
-            columns.append(channel_angles(local, ORDER).T)
+            angles = np.rad2deg(channel_angles(local, ORDER).T)
+            columns.append(np.deg2rad(np.round(angles, DECIMALS)))
             nodes += [i] * 3
             kinds += [axis + 3 for axis in ORDER]
+    offsets = np.round(rest / CENTIMETRE, DECIMALS) + 0.0  # no -0
     skeleton = Skeleton(
         names=(*names, *(f"{names[i]}/End" for i in leaves)),
         parents=np.array([*parents, *leaves], np.int64),
-        offsets=np.concatenate((rest / CENTIMETRE, np.zeros((len(leaves), 3)))),
+        offsets=np.concatenate((offsets, np.zeros((len(leaves), 3)))),
         turned_by="parent",
     )
     values = np.concatenate(columns, axis=1)
