@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Final
 
 from mocapidx.durable import durable_replace
-from mocapidx.errors import FormatError, ParameterError
-from mocapidx.printable import shown
+from mocapidx.errors import FormatError, Interrupted, ParameterError
+from mocapidx.printable import count, shown
 from mocapidx.tasks.clips import ClipFormat, ClipSource, open_source
 from mocapidx.tasks.found import Found, read_found
 from mocapidx.tasks.origins import Origin, find_origins
@@ -129,18 +129,22 @@ def export_clips(
     written: dict[int, Record] = {}
     refused: list[Refused] = []
     done = 0
-    for document, own in by_document.items():
-        try:
-            source = _opened(origins[document], options)
-            for i in own:
-                written[i] = _write(source, hits[i], folder, stems[i], options)
-        except FormatError as exc:
-            if not options.skip_bad:
-                raise FormatError(f"{exc} (--skip-bad passes over such documents)") from exc
-            refused.append(Refused(document, str(exc)))
-        done += len(own)
-        if progress is not None:
-            progress(done, len(hits))
+    try:
+        for document, own in by_document.items():
+            try:
+                source = _opened(origins[document], options)
+                for i in own:
+                    written[i] = _write(source, hits[i], folder, stems[i], options)
+            except FormatError as exc:
+                if not options.skip_bad:
+                    raise FormatError(f"{exc} (--skip-bad passes over such documents)") from exc
+                refused.append(Refused(document, str(exc)))
+            done += len(own)
+            if progress is not None:
+                progress(done, len(hits))
+    except Interrupted as exc:
+        message = f"stopped after {count(len(written), 'clip')}; run again with --force"
+        raise Interrupted(exc.signal_number, message) from exc
     clips = tuple(written[i] for i in sorted(written))
     lines = "".join(f"{json.dumps(clip, ensure_ascii=True)}\n" for clip in clips)
     durable_replace(folder / SIDECAR, lines.encode("ascii"))

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mocapidx.errors import FormatError, ParameterError
+from mocapidx.errors import FormatError, Interrupted, ParameterError
 from mocapidx.features.extract import extract_features
 from mocapidx.formats.registry import read_recording, sources_of
 from mocapidx.skeleton.resample import resample_motion
@@ -218,6 +218,18 @@ def test_clips_are_documents_again(tmp_path, exported, mocapidx, to, suffix):
     part = read_motion(tmp_path / "again" / again["file"])
     whole = read_motion(folder / clip["file"])
     np.testing.assert_array_equal(part.positions, whole.positions[120:240])
+
+
+def test_who_stops_it_is_told_how_far_it_came(tmp_path, fixtures_dir):
+    records = [record(document, 1, 2, rank=n) for n, document in enumerate(TAKES, start=1)]
+    hits = records_file(tmp_path / "hits.jsonl", records)
+
+    def stop(done, total):
+        raise Interrupted(15)
+
+    options = ExportOptions(roots=(fixtures_dir,))
+    with pytest.raises(Interrupted, match="stopped after 1 clip; run again with --force"):
+        export_clips(hits, tmp_path / "clips", options, progress=stop)
 
 
 def test_nothing_is_replaced_without_force(exported):
