@@ -8,6 +8,7 @@ import click
 from mocapidx.printable import count
 
 from .options import NumberRange, quiet_option, read_options, reading_options, store_argument
+from .progress import Bar
 from .rows import note
 
 __all__ = ["report"]
@@ -89,7 +90,8 @@ def report(
         title=title,
         read=read_options(reading),
     )
-    made = make_report(store, records, options)
+    with Bar("hit", quiet) as bar:
+        made = make_report(store, records, options, progress=bar.show)
     if str(output) == "-":
         click.echo(made.html)
     else:

@@ -1,6 +1,6 @@
 """Write hits or annotations as a page to look at: one HTML file in which they move."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -79,7 +79,13 @@ class Report:
     remarks: tuple[str, ...]
 
 
-def make_report(store: Path, records: Path, options: ReportOptions | None = None) -> Report:
+def make_report(
+    store: Path,
+    records: Path,
+    options: ReportOptions | None = None,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> Report:
     """Make the page of hits or annotations; the sources of the store are not needed.
 
     Parameters
@@ -90,6 +96,8 @@ def make_report(store: Path, records: Path, options: ReportOptions | None = None
         JSON lines or CSV that `query`, `retrieve` or `annotate` printed; ``-`` is the standard
         input.
     options : ReportOptions, optional
+    progress : callable, optional
+        Told how many hits are in step with what they are compared with, and how many there are.
 
     Returns
     -------
@@ -128,7 +136,7 @@ def make_report(store: Path, records: Path, options: ReportOptions | None = None
         placings = _best(_placed(found, places, settings.rate, records, store), options.top)
         plan, kept = _planned(placings, settings.rate, options.max_size)
         documents = page_documents(snapshot, kept, plan, templates)
-        hits, references = page_hits(kept, documents, feature_set, settings.rate, query)
+        hits, references = page_hits(kept, documents, feature_set, settings.rate, query, progress)
         remarks = _remarks(plan, len(placings), len(found), settings.rate, options)
         noun = "hit" if not found or any(each.ranked for each in found) else "annotation"
         content = PageContent(

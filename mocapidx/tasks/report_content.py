@@ -1,6 +1,6 @@
 """What the page of a report shows: documents with their poses, and hits in step with a query."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -153,6 +153,7 @@ def page_hits(
     feature_set: FeatureSet,
     rate: float,
     query: Stretch | None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> tuple[tuple[PageHit, ...], tuple[PageReference, ...]]:
     """Lay out hits, each in step with what it is compared with.
 
@@ -166,6 +167,8 @@ def page_hits(
         In Hz.
     query : Stretch or None
         With poses; None: each hit is compared with the best of its class.
+    progress : callable, optional
+        Told how many hits are done, and how many there are.
 
     Returns
     -------
@@ -209,6 +212,8 @@ def page_hits(
                 steps=steps,
             )
         )
+        if progress is not None:
+            progress(number + 1, len(placings))
     return tuple(hits), tuple(references)
 
 

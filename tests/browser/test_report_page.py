@@ -8,7 +8,7 @@ import pytest
 from mocapidx.reports.page.html import page_html
 from tests.made_page import ODD, content, several_hits
 
-WAIT = 20  # seconds; a page needs less than one
+WAIT = 60  # seconds; a page needs less than one
 
 
 @pytest.fixture(scope="session")

@@ -2,6 +2,7 @@ import base64
 import dataclasses
 import hashlib
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -59,6 +60,18 @@ def test_a_skeleton_without_any_joint_is_still_drawn_as_nothing():
     assert encode_poses(poses)[:2] == ([0, 0, 0], 1)
     assert "NaN" not in still_picture(poses, 1.0, 0.0)
     assert "nan" not in still_picture(poses, 1.0, 0.0)
+
+
+@pytest.mark.parametrize("value", [np.inf, -np.inf, 1e30, -3e38])
+def test_positions_that_no_body_has_do_no_harm(value):
+    poses = standing()
+    poses[3, 5] = poses[20, 7, 1] = value
+    made = content()
+    piece = dataclasses.replace(made.documents[0].pieces[0], poses=poses)
+    document = dataclasses.replace(made.documents[0], pieces=(piece,))
+    page = page_html(dataclasses.replace(made, documents=(document,)))
+    (found,) = data_of(page)["documents"][0]["pieces"]
+    assert len(base64.b64decode(found["poses"])) == poses.size * 2
 
 
 def test_the_data_holds_what_the_page_needs_to_draw():
@@ -189,8 +202,11 @@ def test_the_library_is_what_its_packages_give(tmp_path):
         pytest.skip("no npm here to bundle three.js with")
     shutil.copytree(ROOT / "three", tmp_path / "three", ignore=shutil.ignore_patterns("node_*"))
     made = tmp_path / "three.min.js"
+    # One try, briefly: where there is no network, npm would wait for minutes.
+    patience = {"npm_config_fetch_retries": "0", "npm_config_fetch_timeout": "30000"}
+    command = ["sh", tmp_path / "three" / "bundle.sh", made]
     done = subprocess.run(
-        ["sh", tmp_path / "three" / "bundle.sh", made], capture_output=True, text=True, timeout=300
+        command, capture_output=True, text=True, timeout=300, env=os.environ | patience
     )
     if done.returncode and "npm error" in done.stderr and not made.exists():
         pytest.skip("npm could not get three.js and esbuild")
