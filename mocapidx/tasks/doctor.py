@@ -12,7 +12,7 @@ from mocapidx.features.featureset import AnyFeatureSet, FeatureSet, load_feature
 from mocapidx.features.unspecified import Unspecified, feature_words
 from mocapidx.model import IndexArray
 from mocapidx.printable import count, shown
-from mocapidx.skeleton.joints import CANONICAL_JOINTS
+from mocapidx.skeleton.joints import CANONICAL_JOINTS, MIRROR
 from mocapidx.skeleton.plausibility import exchanges, jumps
 from mocapidx.skeleton.resample import resample_motion
 from mocapidx.tasks.reading import ReadOptions
@@ -53,8 +53,8 @@ class Examination:
     problem : str
         Why it can't be used, one line.
     jumps, exchanges : ndarray of int64, shape (N, 2)
-        Frame (from 0, at the source rate) and joint: joints that are suddenly elsewhere, and
-        left joints that change places with the right ones.
+        Frame (from 0, at the source rate) and joint: joints that are suddenly elsewhere for no
+        such reason, and left joints that change places with the right ones.
     feature_set : FeatureSet
     untrusted : int
         Mask of the features that can't be told.
@@ -160,14 +160,19 @@ def examine_file(
     report = skeleton_report(path, options)
     motion = report.reading.motion
     told = feature_words(resample_motion(motion, rate), features)
-    start = [report.reading.source_start, 0]
+    start = np.array([report.reading.source_start, 0])
+    crossed = exchanges(motion.positions)
+    sudden = jumps(motion.positions, motion.rate)
+    pairs = crossed.tolist()
+    explained = {(frame, joint) for frame, left in pairs for joint in (left, int(MIRROR[left]))}
+    others = [tuple(row) not in explained for row in sudden.tolist()]
     return Examination(
         name=name or path.name,
         path=path,
         report=report,
         problem="",
-        jumps=jumps(motion.positions, motion.rate) + start,
-        exchanges=exchanges(motion.positions) + start,
+        jumps=sudden[np.array(others, dtype=np.bool_)] + start,
+        exchanges=crossed + start,
         feature_set=features,
         untrusted=told.untrusted,
         unspecified=told.unspecified,
