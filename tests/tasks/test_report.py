@@ -1,5 +1,6 @@
 import json
 import re
+import shutil
 
 import numpy as np
 import pytest
@@ -97,6 +98,21 @@ def test_only_the_best_are_shown_where_so_asked(fixtures_store, hits, mocapidx, 
     assert "the best 2 are shown" in done.stderr
     assert [hit["rank"] for hit in data_of(page)["hits"]] == [1, 2]
     assert "the best 2 are shown" in page.read_text()
+
+
+def test_the_motion_files_may_be_gone(clip, mocapidx, tmp_path):
+    copy, store = tmp_path / "clip", tmp_path / "clip.store"
+    copy.mkdir()
+    for file in (clip, *clip.parent.parent.glob("*.asf"), *clip.parent.glob("*.asf")):
+        shutil.copy(file, copy)
+    mocapidx("index", copy, "--store", store, "--jobs", "1")
+    shutil.rmtree(copy)
+    row = {"document": clip.name, "start_time": 0.1, "end_time": 0.9, "label": "kick"}
+    page = tmp_path / "page.html"
+    done = mocapidx("report", store, "-", "--output", page, input=json.dumps(row))
+    assert done.returncode == 0, done.stderr
+    (hit,) = data_of(page)["hits"]
+    assert (hit["start"], hit["end"], hit["rank"], hit["reference"]) == (3, 27, None, None)
 
 
 def test_no_hits_give_a_page_that_says_so(fixtures_store, mocapidx, tmp_path):

@@ -78,7 +78,7 @@ function drawBar(pen, hit, chosen, across, top, height) {
   const { label, colour: paint } = data.classes[hit.class];
   const [left, right] = [across(hit.start), Math.max(across(hit.end), across(hit.start) + 2)];
   pen.fillStyle = paint;
-  pen.globalAlpha = chosen ? 1 : 0.55;
+  pen.globalAlpha = chosen ? 1 : 0.65;
   pen.fillRect(left, top, right - left - 0.5, height);
   pen.globalAlpha = 1;
   if (chosen) {
@@ -131,8 +131,12 @@ function drawCurves(pen, entry, chosen, top, height, across, width) {
     pen.lineTo(width, up(curve.tau));
     pen.stroke();
     pen.setLineDash([]);
+    const words = [`τ ${Number(curve.tau.toPrecision(3))}`, width - 4, up(curve.tau) - 7];
     pen.textAlign = "right";
-    pen.fillText(`τ ${Number(curve.tau.toPrecision(3))}`, width - 4, up(curve.tau) - 7);
+    pen.strokeStyle = colour("backdrop");
+    pen.lineWidth = 4;
+    pen.strokeText(...words);
+    pen.fillText(...words);
   }
 }
 

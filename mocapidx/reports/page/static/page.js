@@ -9,6 +9,7 @@ function makeStudio() {
   } catch (error) {
     $("trouble").textContent = `This browser has no WebGL, so the figures stand still (${error.message}).`;
     $("trouble").hidden = false;
+    root.classList.add("flat");
     $("stage-still").hidden = false;
     $("view").hidden = true;
     return null;
