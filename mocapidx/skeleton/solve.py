@@ -15,9 +15,11 @@ from mocapidx.errors import ParameterError
 from mocapidx.model import BoolArray, FloatArray, Motion, Recording, Skeleton
 from mocapidx.skeleton.angles import channel_angles
 
-__all__ = ["solved_rig"]
+__all__ = ["CENTIMETRE", "solved_rig"]
 
 CENTIMETRE: Final = 0.01
+"""Metres in one unit of a solved rig."""
+
 DECIMALS: Final = 6  # of centimetres and degrees: far below what bones of fixed length leave off
 ORDER: Final = (2, 1, 0)  # z, y, x: what most programs write and read
 SAME_POINT: Final = 1e-6  # metres

@@ -5,18 +5,18 @@ from dataclasses import dataclass, replace
 from typing import Final, Literal, TypeAlias
 
 from mocapidx.errors import FormatError
-from mocapidx.formats.amc import read_amc
 from mocapidx.formats.slice_c3d import C3dFrames, c3d_frames
 from mocapidx.formats.slice_text import TextFrames, amc_frames, bvh_frames, with_rate
 from mocapidx.formats.text import Limits, read_text
 from mocapidx.formats.write_bvh import bvh_text
 from mocapidx.formats.write_positions import positions_csv, positions_npz
-from mocapidx.model import Motion
+from mocapidx.model import Motion, Recording, Up
 from mocapidx.printable import shown
+from mocapidx.skeleton.kinematics import RootPositions
 from mocapidx.skeleton.rigs import as_joints
-from mocapidx.skeleton.solve import solved_rig
+from mocapidx.skeleton.solve import CENTIMETRE, solved_rig
 from mocapidx.tasks.origins import Origin
-from mocapidx.tasks.read import Reading, read_take
+from mocapidx.tasks.read import Reading, read_any
 
 __all__ = ["Clip", "ClipFormat", "ClipSource", "open_source"]
 
@@ -39,10 +39,19 @@ class Clip:
         Suffix and content, the motion first; with an AMC goes its ASF.
     holds : str
         For people: what is in it.
+    unit : float
+        Metres in one unit of it.
+    up : {"x", "y", "z", "-x", "-y", "-z"}
+        Its axis that points up.
+    root_positions : {"add", "replace"} or None
+        Whether position channels add to a joint's OFFSET or replace it.
     """
 
     files: tuple[tuple[str, bytes], ...]
     holds: str
+    unit: float
+    up: Up
+    root_positions: RootPositions | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +90,7 @@ def open_source(origin: Origin, to: ClipFormat) -> ClipSource:
     FormatError
         If the file can't be used.
     """
-    reading = read_take(origin.path, origin.options)
+    reading, recording, _ = read_any(origin.path, origin.options)
     suffix, limits = origin.path.suffix.lower(), origin.options.limits
     cut: Cut
     if suffix == ".bvh" and to in ("source", "bvh"):
@@ -90,8 +99,8 @@ def open_source(origin: Origin, to: ClipFormat) -> ClipSource:
         cut = _with_skeleton(origin, reading, limits)
     elif suffix == ".c3d" and to == "source":
         cut = _as_it_is(suffix, reading, c3d_frames(origin.path, limits))
-    elif suffix == ".amc" and to == "bvh":
-        cut = _as_joints(origin, reading)
+    elif to == "bvh" and isinstance(recording, Recording):
+        cut = _as_joints(reading, as_joints(recording))
     elif to == "bvh":
         cut = _solved(reading)
     else:
@@ -101,7 +110,12 @@ def open_source(origin: Origin, to: ClipFormat) -> ClipSource:
 
 def _as_it_is(suffix: str, reading: Reading, frames: TextFrames | C3dFrames) -> Cut:
     _check_frames(reading, frames)
-    return lambda start, end: Clip(((suffix, frames.cut(start, end)),), KEPT)
+    return lambda start, end: _as_read(reading, ((suffix, frames.cut(start, end)),), KEPT)
+
+
+def _as_read(reading: Reading, files: tuple[tuple[str, bytes], ...], holds: str) -> Clip:
+    found = reading.conventions
+    return Clip(files, holds, found.unit, found.up, found.root_positions)
 
 
 def _check_frames(reading: Reading, frames: TextFrames | C3dFrames) -> None:
@@ -122,18 +136,15 @@ def _with_skeleton(origin: Origin, reading: Reading, limits: Limits) -> Cut:
         text = frames.cut(start, end)
         if reading.rate_origin != "file":  # the clip's name doesn't tell it any more
             text = with_rate(text, reading.motion.rate)
-        return Clip(((".amc", text), (".asf", skeleton)), KEPT)
+        return _as_read(reading, ((".amc", text), (".asf", skeleton)), KEPT)
 
     return cut
 
 
-def _as_joints(origin: Origin, reading: Reading) -> Cut:
-    skeleton, limits = reading.sources[1], origin.options.limits
-    recording = as_joints(read_amc(origin.path, skeleton, limits))
-
+def _as_joints(reading: Reading, recording: Recording) -> Cut:
     def cut(start: int, end: int) -> Clip:
         part = replace(recording, values=recording.values[start:end])
-        return Clip(((".bvh", bvh_text(part, reading.motion.rate)),), TURNED)
+        return _as_read(reading, ((".bvh", bvh_text(part, reading.motion.rate)),), TURNED)
 
     return cut
 
@@ -141,14 +152,18 @@ def _as_joints(origin: Origin, reading: Reading) -> Cut:
 def _solved(reading: Reading) -> Cut:
     def cut(start: int, end: int) -> Clip:
         rig = solved_rig(_part(reading, start, end))
-        return Clip(((".bvh", bvh_text(rig)),), SOLVED)
+        return Clip(((".bvh", bvh_text(rig)),), SOLVED, CENTIMETRE, "y")
 
     return cut
 
 
 def _positions(reading: Reading, to: ClipFormat) -> Cut:
     suffix, write = (".csv", positions_csv) if to == "csv" else (".npz", positions_npz)
-    return lambda start, end: Clip(((suffix, write(_part(reading, start, end))),), POSITIONS)
+
+    def cut(start: int, end: int) -> Clip:
+        return Clip(((suffix, write(_part(reading, start, end))),), POSITIONS, 1.0, "y")
+
+    return cut
 
 
 def _part(reading: Reading, start: int, end: int) -> Motion:

@@ -202,7 +202,6 @@ def _write(
     files = [f"{stem}{suffix}" for suffix, _ in clip.files]
     for name, (_, data) in zip(files, clip.files, strict=True):
         durable_replace(folder / name, data)
-    conventions = reading.conventions
     return {
         "rank": number,
         "document": found.document,
@@ -218,9 +217,9 @@ def _write(
         "handle_before": round((start - clip_start) / rate, 6),
         "handle_after": round((clip_end - end) / rate, 6),
         "rate": rate,
-        "unit": conventions.unit,
-        "up": conventions.up,
-        "root_positions": conventions.root_positions,
+        "unit": clip.unit,
+        "up": clip.up,
+        "root_positions": clip.root_positions,
         "holds": clip.holds,
         "source": str(source.origin.path.absolute()),
     }

@@ -1,5 +1,6 @@
 """Clips hold what the stretch of their file held, lie in their folder, and say where from."""
 
+import csv
 import json
 import os
 from dataclasses import replace
@@ -290,6 +291,47 @@ def test_real_files_of_every_kind_become_bvh(exported, real_data, document):
     recording = read_recording(folder / clip["file"])
     assert len(recording.values) == clip["clip_end_frame"] - clip["clip_start_frame"]
     assert recording.rate == clip["rate"]
+
+
+def made_files(folder, motion):
+    """Files of the kinds that there are no small real ones of, made without our writers."""
+    positions, names = motion.positions[:480:4], motion.joints
+    np.save(folder / "list.npy", positions)
+    (folder / "list.joints.txt").write_text("\n".join(names))
+    np.savez(folder / "points.npz", positions=positions, joints=np.array(names), rate=30.0)
+    rows = [[n / 30, *row.ravel().tolist()] for n, row in enumerate(positions)]
+    with (folder / "table.csv").open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["time", *(f"{name}.{axis}" for name in names for axis in "xyz")])
+        writer.writerows(rows)
+    points = {"rate": 30, "joints": list(names), "frames": positions.tolist()}
+    (folder / "named.json").write_text(json.dumps(points))
+    poses = np.random.default_rng(4).normal(0, 0.1, (120, 156))
+    poses[:, :3] = (np.pi / 2, 0, 0)  # stands: up is z there
+    arrays = {"poses": poses, "trans": np.zeros((120, 3)), "mocap_framerate": 30.0}
+    np.savez(folder / "amass.npz", gender=np.array("neutral"), **arrays)
+
+
+@pytest.mark.parametrize("to", ["source", "bvh", "npz", "csv"])
+def test_files_of_every_kind_go_through_a_store_into_clips(tmp_path, fixtures_dir, mocapidx, to):
+    own = tmp_path / "own"
+    own.mkdir()
+    made_files(own, read_motion(fixtures_dir / TAKES[0]))
+    names = sorted(path.name for path in own.iterdir() if path.suffix != ".txt")
+    done = mocapidx("index", own, "--store", tmp_path / "s", "--jobs", "1", "--source-rate", "30")
+    assert done.returncode == 0, done.stderr
+    records = [record(name, 1.0, 2.0, rank=n) for n, name in enumerate(names, start=1)]
+    hits = records_file(tmp_path / "hits.jsonl", records)
+    export_clips(hits, tmp_path / "clips", ExportOptions(stores=(tmp_path / "s",), to=to))
+    clips = sidecar(tmp_path / "clips")
+    assert [clip["document"] for clip in clips] == names
+    for clip in clips:
+        whole = read_motion(own / clip["document"], source_rate=30.0)
+        part = read_motion(tmp_path / "clips" / clip["file"], unit=clip["unit"], up=clip["up"])
+        assert part.rate == 30.0
+        off = np.linalg.norm(part.positions - whole.positions[30:60], axis=2)
+        exact = to != "bvh" or clip["document"] == "amass.npz"
+        assert np.nanmax(off) < (1e-9 if exact else 0.05)
 
 
 BAD_NAMES = (
