@@ -1,8 +1,8 @@
 """Keyframes: a few rows of a template that stand for the whole in a preselection.
 
-Inverted lists say where a frame agrees with a keyframe but for a few entries. Only where all
-keyframes follow one another within the times that a match allows is the template matched. That
-can lose hits: a match may violate a keyframe, or pass it over.
+Only where frames that agree with the keyframes, but for a few entries, follow one another within
+the times that a match allows is the template matched. That can lose hits: a match may violate a
+keyframe, or pass it over.
 """
 
 import itertools
@@ -13,16 +13,8 @@ from typing import Final
 import numpy as np
 
 from mocapidx.errors import ParameterError
-from mocapidx.features.words import part_words
 from mocapidx.model import BoolArray, IndexArray, WordArray
-from mocapidx.queries.source import PartSource, Source
-from mocapidx.queries.stretches import (
-    Stretches,
-    full_words,
-    intersect_stretches,
-    join_runs,
-    split_stretches,
-)
+from mocapidx.queries.stretches import Stretches, intersect_stretches
 from mocapidx.templates.match import end_padding
 from mocapidx.templates.quantise import Quantised
 from mocapidx.templates.thresholds import Clip
@@ -32,6 +24,7 @@ __all__ = ["TOLERANCE", "Keyframes", "Pieces", "choose_keyframes", "learn_keyfra
 TOLERANCE: Final = 3
 """Disagreeing entries at which most hits are kept; exact agreement loses most of them."""
 
+BLOCK: Final = 1 << 14  # frames that are compared together
 USUAL_COUNT: Final = 2
 CANDIDATES: Final = 8  # rows among which keyframes are learned
 TOLERANCES: Final = range(6)
@@ -61,7 +54,7 @@ class Pieces:
     Parameters
     ----------
     documents : ndarray of int64, shape (P,)
-        Number of the document in its segment file.
+        Number of the document, from 0.
     starts, ends : ndarray of int64, shape (P,)
         In frames of the document, half open; ascending, no two of a document touch.
     """
@@ -114,8 +107,14 @@ def _best_rows(quantised: Quantised, count: int) -> tuple[int, ...]:
     return tuple(sorted(rows))
 
 
-def preselect(quantised: Quantised, keyframes: Keyframes, source: Source, padded: bool) -> Pieces:
-    """Find the parts of a segment file where the keyframes follow one another in time.
+def preselect(
+    quantised: Quantised,
+    keyframes: Keyframes,
+    words: WordArray,
+    bounds: IndexArray,
+    padded: bool,
+) -> Pieces:
+    """Find the parts of documents where the keyframes follow one another in time.
 
     Neighbouring keyframes lie between half and twice as far apart as in the template, since a
     match is between half and twice as fast.
@@ -125,8 +124,10 @@ def preselect(quantised: Quantised, keyframes: Keyframes, source: Source, padded
     quantised : Quantised
     keyframes : Keyframes
         At least one row.
-    source : Source
-        Only the sub-indexes that the keyframes look at are opened.
+    words : ndarray of uint64, shape (T,)
+        The feature words of the documents, end to end.
+    bounds : ndarray of int64, shape (D + 1,)
+        Where documents begin and end; none is empty.
     padded : bool
         Whether matching will repeat the first and the last frame of a document.
 
@@ -145,9 +146,10 @@ def preselect(quantised: Quantised, keyframes: Keyframes, source: Source, padded
             f"keyframes must be different, ascending and from 0 to {last}, got {list(rows)}"
         )
     room = 8 * (last + 1)  # more than a match and its padding reach beyond a document
-    padding = end_padding(source.lengths, last + 1) if padded else np.zeros_like(source.lengths)
+    lengths = np.diff(bounds)
+    padding = end_padding(lengths, last + 1) if padded else np.zeros_like(lengths)
     held = [
-        _roomy(_agreeing(quantised, row, keyframes.tolerance, source), source, padding, room)
+        _roomy(_agreeing(quantised, row, keyframes.tolerance, words, bounds), bounds, padding, room)
         for row in rows
     ]
     gaps = [((b - a + 1) // 2, 2 * (b - a)) for a, b in itertools.pairwise(rows)]
@@ -162,38 +164,31 @@ def preselect(quantised: Quantised, keyframes: Keyframes, source: Source, padded
     whole = around[0]
     for other in around[1:]:
         whole = intersect_stretches(whole, other)
-    return _pieces(whole, source, room)
+    return _pieces(whole, bounds, room)
 
 
-def _agreeing(quantised: Quantised, row: int, tolerance: int, source: Source) -> Stretches:
-    """Stretches of positions whose frames disagree with a row in few entries only."""
+def _agreeing(
+    quantised: Quantised, row: int, tolerance: int, words: WordArray, bounds: IndexArray
+) -> Stretches:
+    """Stretches of frames, each of one document, that disagree with a row in few entries only."""
     ones, care = quantised.ones[row], quantised.care[row]
-    everywhere = Stretches(source.first, source.first + source.lengths)
-    parts = source.touched(int(care))
-    for part in parts:
-        everywhere = intersect_stretches(everywhere, _agreeing_part(part, ones, care, tolerance))
-    if not parts:
-        return everywhere
-    starts, ends = split_stretches(everywhere, parts)
-    differing = np.bitwise_count((full_words(parts, starts) ^ ones) & care)
-    inside = differing <= tolerance
-    return Stretches(starts[inside], ends[inside])
+    agrees = np.empty(len(words), np.bool_)
+    for begin in range(0, len(words), BLOCK):
+        block = slice(begin, begin + BLOCK)
+        np.less_equal(np.bitwise_count((words[block] ^ ones) & care), tolerance, out=agrees[block])
+    opens = np.diff(agrees, prepend=False)
+    closes = np.diff(agrees, append=False)
+    opens[bounds[:-1]] = agrees[bounds[:-1]]
+    closes[bounds[1:] - 1] = agrees[bounds[1:] - 1]
+    return Stretches(np.flatnonzero(opens & agrees), np.flatnonzero(closes & agrees) + 1)
 
 
-def _agreeing_part(part: PartSource, ones: np.uint64, care: np.uint64, tolerance: int) -> Stretches:
-    wanted, mask = part_words(np.array([ones, care], dtype=np.uint64), part.mask)
-    admitted = np.bitwise_count((part.lists.words ^ wanted) & mask) <= tolerance
-    runs = join_runs(part.runs(np.append(admitted, False)))
-    starts, ends = part.starts.take(runs.starts), part.starts.take(runs.ends)
-    return Stretches(starts.astype(np.int64), ends.astype(np.int64))
-
-
-def _roomy(stretches: Stretches, source: Source, padding: IndexArray, room: int) -> Stretches:
+def _roomy(stretches: Stretches, bounds: IndexArray, padding: IndexArray, room: int) -> Stretches:
     """Move documents apart, and let what holds at their ends hold in the padding too."""
-    document = source.document_at(stretches.starts)
-    first = source.first[document]
-    starts = stretches.starts - np.where(stretches.starts == first, padding[document], 0)
-    at_end = stretches.ends == first + source.lengths[document]
+    document = np.searchsorted(bounds, stretches.starts, "right") - 1
+    at_start = stretches.starts == bounds[document]
+    at_end = stretches.ends == bounds[document + 1]
+    starts = stretches.starts - np.where(at_start, padding[document], 0)
     ends = stretches.ends + np.where(at_end, padding[document], 0)
     return Stretches(starts + room * document, ends + room * document)
 
@@ -207,11 +202,11 @@ def _moved(stretches: Stretches, least: int, most: int) -> Stretches:
     return Stretches(starts[np.append(0, apart + 1)], ends[np.append(apart, len(ends) - 1)])
 
 
-def _pieces(whole: Stretches, source: Source, room: int) -> Pieces:
-    spread = source.first + room * np.arange(len(source.first))
+def _pieces(whole: Stretches, bounds: IndexArray, room: int) -> Pieces:
+    spread = bounds[:-1] + room * np.arange(len(bounds) - 1)
     document = np.searchsorted(spread - room // 2, whole.starts, "right") - 1
     starts = np.maximum(whole.starts - spread[document], 0)
-    ends = np.minimum(whole.ends - spread[document], source.lengths[document])
+    ends = np.minimum(whole.ends - spread[document], np.diff(bounds)[document])
     kept = starts < ends
     return Pieces(document[kept], starts[kept], ends[kept])
 

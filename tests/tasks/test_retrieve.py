@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 
 from mocapidx.errors import ParameterError, StoreError
+from mocapidx.tasks import retrieve as module
+from mocapidx.tasks import store_words, threads
 from mocapidx.tasks.learn import find_labels, learn_classes, save_learning
+from mocapidx.tasks.preselection import preselection_remarks
 from mocapidx.tasks.retrieve import RetrieveOptions, parse_keyframes, retrieve
+from mocapidx.templates.keyframes import Keyframes
 from tests.made_words import GESTURES, gesture, make_word_store, rest
 from tests.tasks.test_learn import clips
 
@@ -206,3 +210,34 @@ def test_keyframes_are_understood(text, choice):
 def test_other_words_for_keyframes_are_refused(text):
     with pytest.raises(ParameterError, match="expected none, auto or columns"):
         parse_keyframes(text)
+
+
+def test_keyframes_that_leave_everything_do_not_pay_and_it_says_so():
+    keyframes = Keyframes((3, 9), 12)
+    told = list(preselection_remarks(keyframes, np.array([1000, 1000]), np.array([0.1, 2.0])))
+    assert len(told) == 2
+    assert "left 100.0 % of the motion in 0.10 s" in told[0]
+    assert "didn't pay" in told[1]
+    for kept, spent in ((50, 0.1), (0, 3.0)):
+        seconds = np.array([spent, 0.1])
+        assert len(list(preselection_remarks(keyframes, np.array([1000, kept]), seconds))) == 1
+
+
+@pytest.mark.parametrize("tau", [0.05, 0.3])
+def test_rivals_are_as_good_as_matched_everywhere(templates, store, monkeypatch, tau):
+    monkeypatch.setattr(module, "own_threshold", lambda template, rivals: tau)
+    near = [retrieve(store, templates, name).hits for name in GESTURES]
+    monkeypatch.setattr(
+        module, "_lowest_near", lambda _, hits, *rest: np.zeros(len(hits.costs)) - 1
+    )
+    assert [retrieve(store, templates, name).hits for name in GESTURES] == near
+
+
+@pytest.mark.parametrize("keyframes", ["none", "auto"])
+@pytest.mark.parametrize("count", [1, 3])
+def test_batches_and_threads_change_nothing(templates, store, monkeypatch, keyframes, count):
+    options = RetrieveOptions(keyframes=keyframes)
+    whole = [retrieve(store, templates, name, options).hits for name in GESTURES]
+    monkeypatch.setattr(store_words, "BATCH_FRAMES", 1)
+    monkeypatch.setattr(threads, "thread_count", lambda: count)
+    assert [retrieve(store, templates, name, options).hits for name in GESTURES] == whole

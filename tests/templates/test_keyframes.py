@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from mocapidx.errors import ParameterError
 from mocapidx.features.words import pack_words
-from mocapidx.queries.source import source_from_words
 from mocapidx.templates.keyframes import (
     Keyframes,
     choose_keyframes,
@@ -18,7 +17,11 @@ from mocapidx.templates.match import end_padding, find_hits, match_documents
 from mocapidx.templates.quantise import Quantised, quantise
 from mocapidx.templates.thresholds import Clip
 
-PARTS = {"upper": 0b000111, "lower": 0b011000, "mix": 0b100000}
+
+def laid(documents):
+    """Lay documents end to end; give their words and where they begin and end."""
+    lengths = [len(words) for words in documents]
+    return np.concatenate(documents), np.concatenate(([0], np.cumsum(lengths)))
 
 
 def random_template(rng, rows):
@@ -57,7 +60,7 @@ def test_pieces_match_the_plain_version(seed, count, tolerance, padded):
     rows = sorted(rng.choice(len(quantised.ones), count, replace=False).tolist())
     keyframes = Keyframes(tuple(rows), tolerance)
     documents = [rng.integers(0, 64, n, dtype=np.uint64) for n in rng.integers(1, 25, 3)]
-    pieces = preselect(quantised, keyframes, source_from_words(documents, PARTS), padded)
+    pieces = preselect(quantised, keyframes, *laid(documents), padded)
     lengths = np.array([len(words) for words in documents])
     paddings = end_padding(lengths, len(quantised.ones)) if padded else np.zeros(3, dtype=int)
     for number, (words, padding) in enumerate(zip(documents, paddings.tolist(), strict=True)):
@@ -73,18 +76,16 @@ def test_pieces_match_the_plain_version(seed, count, tolerance, padded):
 def test_a_tolerance_as_large_as_a_row_keeps_everything():
     rng = np.random.default_rng(1)
     documents = [rng.integers(0, 64, 30, dtype=np.uint64)]
-    pieces = preselect(
-        random_template(rng, 8), Keyframes((2, 5), 6), source_from_words(documents, PARTS), True
-    )
+    pieces = preselect(random_template(rng, 8), Keyframes((2, 5), 6), *laid(documents), True)
     assert (pieces.starts.tolist(), pieces.ends.tolist()) == ([0], [30])
 
 
 @pytest.mark.parametrize("rows", [(), (8,), (3, 2), (2, 2), (-1,)])
 def test_rows_that_are_not_the_template_s_are_refused(rows):
     rng = np.random.default_rng(1)
-    source = source_from_words([rng.integers(0, 64, 9, dtype=np.uint64)], PARTS)
+    words, bounds = laid([rng.integers(0, 64, 9, dtype=np.uint64)])
     with pytest.raises(ParameterError, match="from 0 to 7"):
-        preselect(random_template(rng, 8), Keyframes(rows), source, True)
+        preselect(random_template(rng, 8), Keyframes(rows), words, bounds, True)
 
 
 def test_the_rule_prefers_ones_and_decided_entries_and_keeps_apart():
@@ -95,7 +96,6 @@ def test_the_rule_prefers_ones_and_decided_entries_and_keeps_apart():
     assert len(choose_keyframes(quantise(matrix[:1], 0.1)).rows) == 1
 
 
-WIDE = {"upper": 0x3F, "lower": 0xFC0, "mix": 0xFF000}
 STEPS = np.kron(np.eye(6), np.ones((1, 3)))  # three features at a time, one time after the other
 
 
@@ -116,8 +116,8 @@ def test_learned_keyframes_keep_the_examples_and_cut_the_rest():
     assert keyframes is not None
     assert keyframes.tolerance < 3
     assert any(row in range(6, 9) for row in keyframes.rows)  # where the flaw shows
-    source = source_from_words([clip.words for clip in examples + flawed], WIDE)
-    kept = set(preselect(own, keyframes, source, True).documents.tolist())
+    words, bounds = laid([clip.words for clip in examples + flawed])
+    kept = set(preselect(own, keyframes, words, bounds, True).documents.tolist())
     assert kept == set(range(6))
 
 
@@ -134,8 +134,8 @@ def test_untrusted_features_lose_no_example():
     lost = [Clip(gesture(rng, flaw=True), untrusted=0x1C0) for _ in range(4)]
     keyframes = learn_keyframes(own, [(own, lost)], [Clip(np.zeros(30, dtype=np.uint64))])
     assert keyframes is not None
-    source = source_from_words([clip.words for clip in lost], WIDE)
-    kept = preselect(own.without(0x1C0), keyframes, source, True).documents
+    words, bounds = laid([clip.words for clip in lost])
+    kept = preselect(own.without(0x1C0), keyframes, words, bounds, True).documents
     assert set(kept.tolist()) == set(range(4))
 
 
@@ -145,7 +145,7 @@ def test_matching_the_pieces_finds_the_hits_that_keyframes_keep():
     zeros = np.zeros(60, dtype=np.uint64)
     take = np.concatenate([part for _ in range(4) for part in (zeros, gesture(rng))])
     full = find_hits(match_documents(own, take, np.array([0, len(take)])), 0.06)
-    pieces = preselect(own, Keyframes((4, 13), 0), source_from_words([take], WIDE), True)
+    pieces = preselect(own, Keyframes((4, 13), 0), *laid([take]), True)
     assert (pieces.ends - pieces.starts).sum() < len(take) / 1.5
     words = [take[a:b] for a, b in zip(pieces.starts, pieces.ends, strict=True)]
     bounds = np.concatenate(([0], np.cumsum([len(each) for each in words])))
