@@ -59,7 +59,8 @@ def export_transcripts(
     written = transcribe(records, to, stores)
     kind = KINDS.get(to)
     if kind is None or kind.write is None or _is_file(output, kind.suffix):
-        files = {output: _only(written, output)}
+        nothing = {} if kind is None or kind.write is None else {"": kind.write(Transcript("", ()))}
+        files = {output: _only(written or nothing, output)}
     else:
         make_folder(output)
         files = {

@@ -76,6 +76,13 @@ def kind_of(data: bytes) -> Kind | None:
         name = "textgrid"
     elif SRT.match(beginning.replace("\r\n", "\n")):
         name = "srt"
-    elif beginning.startswith("{") and b'"feat_p"' in data[:BABEL_BEGINNING]:
+    elif _is_babel(beginning, data):
         name = "babel"
     return None if name is None else KINDS[name]
+
+
+def _is_babel(beginning: str, data: bytes) -> bool:
+    """Tell BABEL's sequences from JSON lines; an object without any is no record either."""
+    if not beginning.startswith("{"):
+        return False
+    return b'"feat_p"' in data[:BABEL_BEGINNING] or beginning.strip() == "{}"

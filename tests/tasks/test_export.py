@@ -221,6 +221,12 @@ def test_clips_are_documents_again(tmp_path, exported, mocapidx, to, suffix):
     np.testing.assert_array_equal(part.positions, whole.positions[120:240])
 
 
+def test_no_hits_are_no_clips(exported):
+    folder, clips = exported([])
+    assert clips == []
+    assert [path.name for path in folder.iterdir()] == [SIDECAR]
+
+
 def test_who_stops_it_is_told_how_far_it_came(tmp_path, fixtures_dir):
     records = [record(document, 1, 2, rank=n) for n, document in enumerate(TAKES, start=1)]
     hits = records_file(tmp_path / "hits.jsonl", records)

@@ -70,6 +70,16 @@ def test_one_document_may_be_one_file(tmp_path, to):
 
 
 @pytest.mark.parametrize("to", TRANSCRIPTS)
+def test_no_records_are_a_file_that_says_nothing(tmp_path, to):
+    (tmp_path / "none.jsonl").write_text("")
+    suffix = KINDS[to].suffix if to in KINDS else ".x"
+    (path,) = export_transcripts(tmp_path / "none.jsonl", tmp_path / f"none{suffix}", to)
+    assert read_found(path) == ()
+    if to in EACH:
+        assert export_transcripts(tmp_path / "none.jsonl", tmp_path / "folder", to) == ()
+
+
+@pytest.mark.parametrize("to", TRANSCRIPTS)
 def test_nothing_is_replaced_without_force(tmp_path, records, to):
     files = export_transcripts(records, tmp_path / "out", to)
     before = files[0].read_bytes()
