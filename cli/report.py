@@ -99,4 +99,5 @@ def report(
     for remark in made.remarks:
         note(f"Note: {remark}", quiet)
     hits, documents = count(made.hits, made.noun), count(made.documents, "document")
-    note(f"{output}: {hits} of {documents}, {len(made.html) / 1e6:.1f} MB", quiet)
+    place = "standard output" if str(output) == "-" else output
+    note(f"{place}: {hits} of {documents}, {len(made.html) / 1e6:.1f} MB", quiet)

@@ -79,7 +79,7 @@ def plan_pieces(
     pieces = _pieces(wanted, frames, rate)
     for step in (1, 2):
         if _bytes(pieces, step) <= room:
-            return Plan(len(wanted), pieces, step, whole=False)
+            return Plan(len(wanted), pieces, step, whole=pieces == documents)
     low, high = 1, len(wanted)  # the first `low` fit, or are kept all the same
     while high - low > 1:
         middle = (low + high) // 2
