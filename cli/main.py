@@ -25,6 +25,8 @@ COMMANDS = {
     "retrieve": ("retrieve:retrieve", "Find all occurrences of a motion class, best first."),
     "annotate": ("annotate:annotate", "Say which motion class occurs when."),
     "template": ("template:template", "Look at motion templates and change them by hand."),
+    "web": ("web:web", "Compare all motion of a store, for 'match' to search in."),
+    "match": ("match:match", "Find what moves like a stretch, through what is in between."),
     "evaluate": ("evaluate:evaluate", "Measure hits or annotations against labels."),
     "blend": ("blend:blend", "Make new motion from found motion: steered blends."),
     "plot": ("plot:plot", "Draw features, lists, templates, distances, annotations."),

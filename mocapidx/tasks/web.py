@@ -25,7 +25,7 @@ from mocapidx.tasks.records import Record
 from mocapidx.tasks.web_building import Building, Pair
 from mocapidx.tasks.where import document_facts, meeting, name_facts, name_regex
 
-__all__ = ["WebOptions", "WebProgress", "WebSummary", "build_web", "web_info"]
+__all__ = ["WebOptions", "WebProgress", "WebSummary", "build_web", "path_rules", "web_info"]
 
 BATCH_CELLS: Final = 1_000_000_000
 """Cells after which what is done is written, so that an interrupted build goes on from there."""
@@ -103,6 +103,26 @@ class WebSummary:
     size: int = 0
     changed_rules: bool = False
     seconds: float = 0.0
+
+
+def path_rules(**values: Any) -> PathRules:
+    """Make rules from the values of options.
+
+    Parameters
+    ----------
+    **values
+        Fields of `mocapidx.graphs.paths.PathRules`.
+
+    Returns
+    -------
+    PathRules
+
+    Raises
+    ------
+    ParameterError
+        If a value is out of its bounds.
+    """
+    return PathRules(**values)
 
 
 def build_web(
