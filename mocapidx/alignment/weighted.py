@@ -4,7 +4,7 @@ The steps are (1, 1), (2, 1), (1, 2); (2, 1) pays twice, and every step but (1, 
 so that of equal matches the one nearest to the pattern's own tempo wins. Costs are whole numbers
 below 2**53, so sums are exact in whatever order they are taken, and one number carries the cost
 of a match together with its first frame: the lowest is the cheapest match and, of equal ones,
-the shortest.
+the shortest. The compiled kernel ``weighted.c`` finds the same.
 """
 
 from collections.abc import Iterator
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mocapidx.errors import ParameterError
+from mocapidx.kernels.choice import compiled
 from mocapidx.model import BoolArray, FloatArray, IndexArray, WordArray
 
 __all__ = ["LARGEST_WEIGHT", "LONGEST_PATTERN", "Vocabulary", "match_rows", "vocabulary"]
@@ -27,6 +28,8 @@ LARGEST_WEIGHT: Final = 1 << 18
 BLOCK: Final = 16_384  # frames; the rows of costs stay in the second-level cache
 SPAN: Final = 1 << 16  # numbers of frames in a block with all that its matches can reach
 ROWS_AT_ONCE: Final = 64
+LEVEL: str | None = None
+"""The instructions that the kernel uses: by default the fastest that this processor has."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,6 +104,8 @@ def match_rows(
        motion capture data", SCA 2006, section 5.2, equations (1) and (2).
     """
     _check(ones, weights)
+    ones = np.ascontiguousarray(ones, dtype=np.bool_)
+    weights = np.ascontiguousarray(weights, dtype=np.float64)
     costs, starts = np.empty(len(words)), np.empty(len(words), dtype=np.int64)
     overlap = 2 * (len(ones) - 1)  # no match is longer
     breaks = np.empty(0, dtype=np.int64) if breaks is None else breaks
@@ -135,6 +140,12 @@ def _last_row(
 ) -> NDArray[np.float64]:
     """Last row of the accumulated costs, each with how far its start is from the highest number."""
     length = len(known.places)
+    kernel = compiled("weighted")
+    if kernel is not None:
+        costs = np.empty(length)
+        words = (known.octets, known.octets.shape[1])
+        kernel.last_row(ones, weights, ones.shape[1], *words, known.places, breaks, costs, LEVEL)
+        return costs
     # Two infinite frames before the first stand for everything that lies before the block.
     two_rows_up, one_row_up, row = np.full((3, length + 2), np.inf)
     cost, skipping = np.empty((2, length))

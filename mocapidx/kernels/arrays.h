@@ -13,6 +13,8 @@
 #define INT64 "lq"
 #define INT32 "il"
 #define FLOAT32 "f"
+#define FLOAT64 "d"
+#define FLOAT64 "d"
 #define UINT8 "B"
 #define BOOL "?"
 

@@ -27,6 +27,7 @@ KERNELS: Final[tuple[str, ...]] = (
     "text",
     "sequences",
     "webs",
+    "weighted",
 )
 
 
