@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -20,7 +21,15 @@ from mocapidx.store.schema import MANIFEST
 from mocapidx.store.write import Batch, Writer, check_writable, writing
 from mocapidx.tasks.batch import make_batch, merged_batch, small_files
 from mocapidx.tasks.parallel import MapFunction, mapping
-from mocapidx.tasks.prepare import Job, Outcome, Prepared, Refused, Unchanged, is_unchanged, prepare
+from mocapidx.tasks.prepare import (
+    Item,
+    Outcome,
+    Prepared,
+    Refused,
+    Unchanged,
+    is_unchanged,
+    prepare_item,
+)
 from mocapidx.tasks.read import ReadOptions
 from mocapidx.tasks.segment_sources import store_feature_set
 from mocapidx.tasks.sources import Source, find_sources
@@ -195,16 +204,19 @@ def index_files(
     ) as writer:
         feature_set = store_feature_set(writer.snapshot, checked=True)
         known = {entry.document.name: entry.document for entry in writer.snapshot.documents()}
-        jobs = _jobs(sources, known, options, feature_set, writer.settings)
+        items = _items(sources, known, options)
         summary.rate, summary.doubled = writer.settings.rate, _doubled(sources, known)
-        summary.unchanged = len(sources) - len(jobs)
-        workers = 1 if map_fn else min(options.jobs, len(jobs) // JOBS_PER_WORKER + 1)
+        summary.unchanged = len(sources) - len(items)
+        workers = 1 if map_fn else min(options.jobs, len(items) // JOBS_PER_WORKER + 1)
         try:
             with nullcontext(map_fn) if map_fn else mapping(workers) as apply:
-                outcomes = apply(prepare, jobs)
+                rate, poses = writer.settings.rate, writer.settings.poses
+                outcomes = apply(
+                    partial(prepare_item, options.read, feature_set, rate, poses), items
+                )
                 for done in _index(outcomes, known, writer, options, feature_set, summary):
                     if progress is not None:
-                        progress(IndexProgress(done, len(jobs), summary.frames))
+                        progress(IndexProgress(done, len(items), summary.frames))
             if options.prune:
                 _prune(known, writer, summary)
             small = small_files(writer.snapshot.files, options.batch_bytes)
@@ -274,21 +286,17 @@ def _doubled(sources: Sequence[Source], known: Mapping[str, Document]) -> list[t
     return pairs
 
 
-def _jobs(
-    sources: Sequence[Source],
-    known: Mapping[str, Document],
-    options: IndexOptions,
-    feature_set: FeatureSet,
-    settings: StoreSettings,
-) -> list[Job]:
-    jobs = []
+def _items(
+    sources: Sequence[Source], known: Mapping[str, Document], options: IndexOptions
+) -> list[Item]:
+    """Return what is to be read: sources, what the store knows of them, facts from their names."""
+    items: list[Item] = []
     regex = None if options.name_pattern is None else name_regex(options.name_pattern)
     for source in sources:
         document, facts = known.get(source.name), name_facts(regex, source.name)
         if document is None or not is_unchanged(source, document, options.read, facts):
-            rate, poses = settings.rate, settings.poses
-            jobs.append(Job(source, document, options.read, feature_set, rate, poses, facts))
-    return jobs
+            items.append((source, document, facts))
+    return items
 
 
 @dataclass

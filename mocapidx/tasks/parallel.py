@@ -10,11 +10,13 @@ import os
 import signal
 import threading
 import traceback
+from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
+from queue import SimpleQueue
 from typing import Any, Final, TypeAlias
 
 from mocapidx.errors import MocapidxError
@@ -26,6 +28,9 @@ MapFunction: TypeAlias = Callable[[Callable[[Any], Any], Iterable[Any]], Iterato
 
 AHEAD: Final = 4
 """Items a worker that are under way or done before their turn; bounds the waiting results."""
+
+DEPTH: Final = 2
+"""Items that a worker is sent before it has answered: it never waits for the next one."""
 
 STOP_SIGNALS: Final = frozenset({signal.SIGINT, signal.SIGTERM, signal.SIGHUP})
 
@@ -72,28 +77,26 @@ def _results(
     """Yield the results in the order of the items."""
     numbered = enumerate(items)
     workers: list[_Worker] = []
-    idle: list[_Worker] = []
-    busy: dict[Connection, tuple[_Worker, int]] = {}
     done: dict[int, tuple[bool, Any]] = {}
-    turn = 0
+    turn = under_way = 0
     resource_tracker.ensure_running()  # it would take our signal mask away from the first worker
     try:
         while True:
-            while len(busy) < jobs and len(busy) + len(done) < jobs * AHEAD:
+            while under_way < jobs * DEPTH and under_way + len(done) < jobs * AHEAD:
                 number, item = next(numbered, (-1, None))
                 if number < 0:
                     break
-                if not idle:
+                if all(worker.turns for worker in workers) and len(workers) < jobs:
                     with deaf():  # not one may be started and then forgotten
                         workers.append(_Worker(function))
-                        idle.append(workers[-1])
-                worker = idle.pop()
-                worker.send(item)
-                busy[worker.pipe] = worker, number
+                worker = min(workers, key=lambda worker: len(worker.turns))
+                worker.send(number, item)
+                under_way += 1
+            busy = {worker.pipe: worker for worker in workers if worker.turns}
             for pipe in wait(list(busy), 0 if turn in done else None) if busy else ():
-                worker, number = busy.pop(pipe)  # type: ignore[call-overload]
-                done[number] = worker.receive()
-                idle.append(worker)
+                number, good, result = busy[pipe].receive()  # type: ignore[index]
+                done[number] = good, result
+                under_way -= 1
             if turn in done:
                 good, result = done.pop(turn)
                 turn += 1
@@ -112,6 +115,7 @@ class _Worker:
     """A process that applies a function to one item after another."""
 
     def __init__(self, function: Callable[[Any], Any]) -> None:
+        self.turns: deque[int] = deque()  # what it has been sent and has not answered
         context = multiprocessing.get_context("spawn")
         with deaf():
             self.pipe, theirs = context.Pipe()
@@ -125,15 +129,16 @@ class _Worker:
                 ) from exc
             theirs.close()
 
-    def send(self, item: Any) -> None:
+    def send(self, number: int, item: Any) -> None:
         with _mourned():
             self.pipe.send(item)
+        self.turns.append(number)
 
-    def receive(self) -> tuple[bool, Any]:
-        """Return whether it went well, and the result or else the exception."""
+    def receive(self) -> tuple[int, bool, Any]:
+        """Return which item it was, whether it went well, and the result or else the exception."""
         with _mourned():
             good, result = self.pipe.recv()
-            return good, result
+        return self.turns.popleft(), good, result
 
     def end(self) -> None:
         self.process.kill()
@@ -178,15 +183,26 @@ def deaf() -> Iterator[None]:
 def _work(function: Callable[[Any], Any], pipe: Connection) -> None:
     """Answer items until nobody sends any; runs in a worker."""
     threading.Thread(target=_follow_parent, daemon=True).start()
-    with contextlib.suppress(EOFError, OSError):
-        while True:
-            item = pipe.recv()
+    items: SimpleQueue[tuple[Any, ...]] = SimpleQueue()
+    threading.Thread(target=_receive, args=(pipe, items), daemon=True).start()
+    with contextlib.suppress(OSError):
+        while received := items.get():
             try:
-                answer = True, function(item)
+                answer = True, function(*received)
             except Exception as exc:
                 exc.add_note(traceback.format_exc())
                 answer = False, exc
             pipe.send(answer)
+
+
+def _receive(pipe: Connection, items: "SimpleQueue[tuple[Any, ...]]") -> None:
+    """Take items as they come, so that who sends one never waits for who sends a large result."""
+    try:
+        with contextlib.suppress(EOFError, OSError):
+            while True:
+                items.put((pipe.recv(),))
+    finally:
+        items.put(())
 
 
 def _follow_parent() -> None:

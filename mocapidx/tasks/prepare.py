@@ -27,9 +27,22 @@ from mocapidx.tasks.sources import Source
 from mocapidx.tasks.stored import REST, kept_rest
 from mocapidx.tasks.unspecified import keep_unspecified
 
-__all__ = ["Job", "Prepared", "Refused", "Unchanged", "is_unchanged", "prepare", "source_digest"]
+__all__ = [
+    "Item",
+    "Job",
+    "Prepared",
+    "Refused",
+    "Unchanged",
+    "is_unchanged",
+    "prepare",
+    "prepare_item",
+    "source_digest",
+]
 
 PIECE: Final = 1 << 20
+
+Item: TypeAlias = tuple[Source, Document | None, Mapping[str, str]]
+"""What differs from one `Job` to the next: `source`, `known` and `facts`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,6 +184,26 @@ def prepare(job: Job) -> Outcome:
         reading.conventions.warnings,
         reading.gaps,
     )
+
+
+def prepare_item(
+    options: ReadOptions, feature_set: FeatureSet, rate: float, poses: bool, item: Item
+) -> Outcome:
+    """Prepare one of many motion files; all but the item is sent to a worker once.
+
+    Parameters
+    ----------
+    options, feature_set, rate, poses
+        As in `Job`.
+    item : Item
+        The rest of a `Job`.
+
+    Returns
+    -------
+    Prepared, Unchanged or Refused
+    """
+    source, known, facts = item
+    return prepare(Job(source, known, options, feature_set, rate, poses, facts))
 
 
 def _is_same(job: Job, digest: str) -> bool:
