@@ -102,6 +102,8 @@ def unspecified_within(unspecified: Unspecified, start: int, end: int) -> int:
 
 def _unknown_joints(motion: Motion) -> dict[str, BoolArray] | None:
     """Return for each joint that is missing for a while in which frames; None: there is none."""
+    if np.isfinite(motion.positions.sum()):  # the usual case, and the quickest way to tell
+        return None
     unknown = np.asarray(np.isnan(motion.positions).any(axis=2), dtype=np.bool_)
     unknown[:, absent_joints(motion.positions)] = False
     if not unknown.any():
