@@ -99,8 +99,8 @@ def index(
 ) -> int:
     """Read motion files and folders into a store.
 
-    Folders are searched all the way down for AMC files, with their ASF skeletons, BVH, C3D and
-    TRC files; hidden ones are left alone.
+    Folders are searched all the way down for motion files: AMC with their ASF skeletons, BVH, C3D,
+    TRC, and npz, npy, CSV and JSON files that hold positions; hidden ones are left alone.
     What is new or has changed since the last run is read, what is unchanged is left alone; a run
     that was cut off goes on where it stopped.
 
