@@ -2,63 +2,57 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from mocapidx.errors import FormatError
-from mocapidx.formats.amass import AMASS_KEYS, amass_recording
-from mocapidx.formats.amc import find_skeleton, read_amc
-from mocapidx.formats.arrays import array_names, read_arrays
-from mocapidx.formats.bvh import read_bvh
-from mocapidx.formats.c3d import read_c3d
-from mocapidx.formats.keypoints import is_keypoint_file, read_keypoints
-from mocapidx.formats.positions import (
-    POSITION_KEYS,
-    RATE_KEYS,
-    find_joint_list,
-    is_position_table,
-    joints_from_arrays,
-    read_csv,
-    read_npy,
-)
 from mocapidx.formats.text import Limits, place
-from mocapidx.formats.trc import read_trc
 from mocapidx.model import PointRecording, Recording
 from mocapidx.printable import shown
 
 __all__ = ["SUFFIXES", "holds_motion", "is_motion_file", "read_recording", "sources_of"]
 
 
-def _read_npz(path: Path, limits: Limits) -> Recording | PointRecording:
+def _of(name: str) -> Any:
+    """Import the module of a kind of file when such a file comes: a search reads one, if any."""
+    return import_module(f"mocapidx.formats.{name}")
+
+
+def _read_npz(path: Path, model: Path | None, limits: Limits) -> Recording | PointRecording:
     """Tell angles of AMASS from joint positions by the names of the arrays."""
+    from mocapidx.formats.amass import AMASS_KEYS, amass_recording
+    from mocapidx.formats.arrays import read_arrays
+    from mocapidx.formats.positions import POSITION_KEYS, RATE_KEYS, joints_from_arrays
+
     arrays = read_arrays(path, limits, {*AMASS_KEYS, *POSITION_KEYS, *RATE_KEYS})
     if "positions" in arrays:
         return joints_from_arrays(path, arrays, limits)
     if "poses" in arrays:
-        return amass_recording(path, arrays, limits)
+        return amass_recording(path, arrays, limits, model)
     raise FormatError(
         f"{place(path)}: has no 'poses' and no 'positions', so there is no motion in it"
     )
 
 
 READERS: Final[dict[str, Callable[[Path, Path | None, Limits], Recording | PointRecording]]] = {
-    ".amc": read_amc,
-    ".bvh": lambda path, _, limits: read_bvh(path, limits),
-    ".c3d": lambda path, _, limits: read_c3d(path, limits),
-    ".trc": lambda path, _, limits: read_trc(path, limits),
-    ".npz": lambda path, _, limits: _read_npz(path, limits),
-    ".npy": read_npy,
-    ".csv": lambda path, _, limits: read_csv(path, limits),
-    ".json": lambda path, _, limits: read_keypoints(path, limits),
+    ".amc": lambda *given: _of("amc").read_amc(*given),
+    ".bvh": lambda path, _, limits: _of("bvh").read_bvh(path, limits),
+    ".c3d": lambda path, _, limits: _of("c3d").read_c3d(path, limits),
+    ".trc": lambda path, _, limits: _of("trc").read_trc(path, limits),
+    ".npz": _read_npz,
+    ".npy": lambda *given: _of("positions").read_npy(*given),
+    ".csv": lambda path, _, limits: _of("positions").read_csv(path, limits),
+    ".json": lambda path, _, limits: _of("keypoints").read_keypoints(path, limits),
 }
 # Files of these kinds may well hold something else.
 PEEKS: Final[dict[str, Callable[[Path], bool]]] = {
-    ".npz": lambda path: bool({"poses", "positions"} & set(array_names(path))),
-    ".npy": lambda path: find_joint_list(path) is not None,
-    ".csv": is_position_table,
-    ".json": is_keypoint_file,
+    ".npz": lambda path: bool({"poses", "positions"} & set(_of("arrays").array_names(path))),
+    ".npy": lambda path: _of("positions").find_joint_list(path) is not None,
+    ".csv": lambda path: bool(_of("positions").is_position_table(path)),
+    ".json": lambda path: bool(_of("keypoints").is_keypoint_file(path)),
 }
 FARTHEST: Final = 1e9  # file units
 PIECE: Final = 4_096  # frames looked at together
@@ -124,11 +118,16 @@ def sources_of(path: Path, skeleton_path: Path | None = None) -> tuple[Path, ...
         If an AMC has no ASF.
     """
     if path.suffix.lower() == ".npy":
-        joint_list = find_joint_list(path)
+        joint_list = _of("positions").find_joint_list(path)
         return (path,) if joint_list is None else (path, joint_list)
+    model = skeleton_path is not None and skeleton_path.suffix.lower() == ".npz"
+    if path.suffix.lower() == ".npz" and model and skeleton_path is not None:
+        return path, skeleton_path
     if path.suffix.lower() != ".amc":
         return (path,)
-    return path, skeleton_path or find_skeleton(path)
+    if model:
+        return path, find_skeleton_of(path)
+    return path, skeleton_path or _of("amc").find_skeleton(path)
 
 
 def read_recording(

@@ -115,8 +115,8 @@ def up_axis(poses: FloatArray) -> Up:
     reach = np.percentile(np.concatenate((heads, -heads), axis=1), 90, axis=0)
     if reach[1] >= 0.8 * reach.max():
         return "y"
-    median = np.median(heads, axis=0)
-    axis = int(np.argmax(np.median(np.abs(heads), axis=0)))
+    median = _middle(heads)
+    axis = int(np.argmax(_middle(np.abs(heads))))
     names: tuple[tuple[Up, Up], ...] = (("x", "-x"), ("y", "-y"), ("z", "-z"))
     return names[axis][int(median[axis] < 0)]
 
@@ -173,7 +173,7 @@ def facing(poses: FloatArray) -> float:
     if not known.any():
         return np.nan
     cosine, steep = cosine[known], steep[known]
-    return float(np.median(cosine[steep >= min(STEEP, np.percentile(steep, 75))]))
+    return float(_middle(cosine[steep >= min(STEEP, np.percentile(steep, 75))]))
 
 
 def coincident_joints(poses: FloatArray) -> tuple[tuple[str, str], ...]:
@@ -230,4 +230,10 @@ def _limb(poses: FloatArray, chain: tuple[str, str, str]) -> float:
             return np.nan
         both = both[int(np.argmax(sides))][None]
         both = both[:, np.isfinite(both[0])]
-    return float(np.median(both.mean(axis=0)))
+    return float(_middle(both.mean(axis=0)))
+
+
+def _middle(values: FloatArray) -> FloatArray:
+    """Give the medians along the first axis; `np.median` would import masked arrays."""
+    middle: FloatArray = np.percentile(values, 50, axis=0)
+    return middle
