@@ -3,8 +3,9 @@
 import csv
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from mocapidx.formats.c3d import named_apart
 from mocapidx.formats.cells import cells_of, number_table
 from mocapidx.formats.numbers import parse_number
 from mocapidx.formats.text import Limits, decoded, place, read_text
-from mocapidx.model import FloatArray, PointRecording
+from mocapidx.model import FloatArray, PointRecording, Up
 from mocapidx.printable import shown
 
 __all__ = [
@@ -32,7 +33,7 @@ __all__ = [
 RATE_KEYS: Final = (
     "rate", "sampling_rate", "mocap_framerate", "mocap_frame_rate", "frame_rate", "fps",
 )  # fmt: skip
-POSITION_KEYS: Final = ("positions", "joints", "made")
+POSITION_KEYS: Final = ("positions", "joints", "made", "unit", "up")
 AXIS: Final = re.compile(r"(.+?)[._ :]([xyz])\Z", re.IGNORECASE)
 LONG: Final = ("frame", "joint", "x", "y", "z")
 TIMES: Final = ("time", "time_s", "t", "seconds")
@@ -52,8 +53,9 @@ def joints_from_arrays(
     path : Path
         The file, for messages.
     arrays : dict of str to ndarray
-        `positions` (T, J, 3), `joints` (J names), maybe a rate and `made`: joints that were made
-        up from others, which are left out, to be made again.
+        `positions` (T, J, 3), `joints` (J names), maybe a rate, `unit` (metres in one unit), `up`
+        (the axis) and `made`: joints that were made up from others, which are left out, to be
+        made again.
     limits : Limits
         What is refused as too large.
 
@@ -74,7 +76,28 @@ def joints_from_arrays(
     made = as_texts(arrays["made"], f"{where}: 'made'") if "made" in arrays else ()
     rate = stated_rate(where, arrays)
     kept = [i for i, name in enumerate(names) if name not in made]
-    return _points(path, [names[i] for i in kept], positions[:, kept], rate, limits)
+    points = _points(path, [names[i] for i in kept], positions[:, kept], rate, limits)
+    return replace(points, unit=_stated_unit(where, arrays), up=_stated_up(where, arrays))
+
+
+def _stated_unit(where: str, arrays: dict[str, NDArray[Any]]) -> float | None:
+    if "unit" not in arrays:
+        return None
+    value = arrays["unit"]
+    number = float(value.ravel()[0]) if value.size == 1 and value.dtype.kind in "fiu" else 0.0
+    if not 1e-6 <= number <= 1e6:
+        raise FormatError(f"{where}: 'unit' is {shown(value, 40)}, expected metres in one unit")
+    return number
+
+
+def _stated_up(where: str, arrays: dict[str, NDArray[Any]]) -> Up | None:
+    value = arrays.get("up")
+    if value is None:
+        return None
+    for axis in get_args(Up):
+        if value.size == 1 and value.dtype.kind == "U" and value.ravel()[0] == axis:
+            return cast(Up, axis)
+    raise FormatError(f"{where}: 'up' is {shown(value, 40)}, expected an axis such as y or z")
 
 
 def stated_rate(where: str, arrays: dict[str, NDArray[Any]]) -> float | None:

@@ -26,13 +26,16 @@ def positions_npz(motion: Motion) -> bytes:
     -------
     bytes
         Arrays `positions` (float64, (T, J, 3), NaN where a joint is not there), `joints` (their
-        names), `rate` (Hz), and `made` (joints that were made up from others).
+        names), `rate` (Hz), `made` (joints that were made up from others), and what the numbers
+        mean: `unit` 1.0 (metres), `up` "y".
     """
     arrays: dict[str, Any] = {
         "positions": np.asarray(motion.positions, np.float64),
         "joints": np.array(motion.joints, np.str_),
         "rate": np.float64(motion.rate),
         "made": np.array(motion.made, np.str_),
+        "unit": np.float64(1.0),
+        "up": np.array("y", np.str_),
     }
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:

@@ -44,6 +44,26 @@ def test_npz_with_any_key_for_the_rate(tmp_path):
         assert (found.names, found.rate) == (NAMES, 120.0)
 
 
+@pytest.mark.parametrize(("unit", "up"), [(0.01, "z"), (1, "-y"), (None, None)])
+def test_npz_may_say_its_unit_and_what_is_up(tmp_path, unit, up):
+    said = {"unit": unit, "up": up}
+    arrays = {"positions": np.zeros((3, 2, 3)), "joints": np.array(["a", "b"]), "rate": 30.0}
+    arrays |= {key: np.array(value) for key, value in said.items() if value is not None}
+    np.savez(tmp_path / "x.npz", **arrays)
+    found = read_recording(tmp_path / "x.npz")
+    assert (found.unit, found.up) == (unit, up)
+
+
+@pytest.mark.parametrize(
+    "said", [{"unit": 0.0}, {"unit": "m"}, {"up": "w"}, {"up": 1}, {"unit": [1.0, 2.0]}]
+)
+def test_an_odd_unit_or_axis_is_told(tmp_path, said):
+    arrays = {"positions": np.zeros((3, 1, 3)), "joints": np.array(["a"]), "rate": 30.0}
+    np.savez(tmp_path / "x.npz", **arrays, **said)
+    with pytest.raises(FormatError, match="expected"):
+        read_recording(tmp_path / "x.npz")
+
+
 def test_joints_that_were_made_up_are_left_out(tmp_path):
     np.savez(tmp_path / "x.npz", positions=some_points(), joints=NAMES, rate=30, made=["lknee"])
     assert read_recording(tmp_path / "x.npz").names == ("lhip", "rhip")
@@ -160,6 +180,55 @@ def test_amass_moves_a_template_body(tmp_path, width, key):
             expected[i] = start + base @ offset
             world[i] = base @ turns[i] if i < 22 else base
         np.testing.assert_allclose(points[frame], list(expected.values()), atol=1e-9)
+
+
+def small_model(path, joints=52):
+    rng = np.random.default_rng(10)
+    weights = rng.random((joints, 80))
+    arrays = {
+        "J_regressor": weights / weights.sum(axis=1, keepdims=True),
+        "v_template": rng.normal(0, 1, (80, 3)),
+        "shapedirs": rng.normal(0, 0.1, (80, 3, 10)),
+    }
+    np.savez(path, **arrays)
+    return arrays
+
+
+@pytest.mark.parametrize(("joints", "fingers"), [(24, (22, 23)), (52, (25, 40)), (55, (28, 43))])
+def test_a_body_model_gives_the_joints_of_the_shape(tmp_path, joints, fingers):
+    model = small_model(tmp_path / "model.npz", joints)
+    betas = np.random.default_rng(11).normal(0, 1, 16)
+    trans = np.array([[1.0, 2.0, 3.0]])
+    path = tmp_path / "x.npz"
+    np.savez(path, poses=np.zeros((1, 156)), trans=trans, betas=betas, mocap_framerate=60)
+    assert sources_of(path, tmp_path / "model.npz") == (path, tmp_path / "model.npz")
+    assert sources_of(path, tmp_path / "x.asf") == (path,)
+    found = read_recording(path, skeleton_path=tmp_path / "model.npz")
+    points = node_positions(found, range(24))[0]
+    shaped = model["v_template"] + model["shapedirs"] @ betas[:10]
+    expected = (model["J_regressor"] @ shaped)[[*range(22), *fingers]] + trans
+    np.testing.assert_allclose(points, expected, atol=1e-12)
+    assert "model.npz" in found.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"v_template": None}, "no body model: it has no 'v_template'"),
+        ({"v_template": np.zeros((7, 3))}, r"'v_template': is float64 of shape \(7, 3\)"),
+        ({"shapedirs": np.full((80, 3, 10), np.nan)}, "not finite"),
+        ({"J_regressor": np.zeros((9, 80))}, "has 9 joints"),
+    ],
+)
+def test_what_is_no_body_model_is_told(tmp_path, change, message):
+    arrays = {**small_model(tmp_path / "model.npz"), **change}
+    kept = {key: value for key, value in arrays.items() if value is not None}
+    np.savez(tmp_path / "model.npz", **kept)
+    np.savez(tmp_path / "x.npz", poses=np.zeros((1, 156)), trans=np.zeros((1, 3)))
+    with pytest.raises(FormatError, match=message):
+        read_recording(tmp_path / "x.npz", skeleton_path=tmp_path / "model.npz")
+    with pytest.raises(FormatError, match=r"none\.npz: can't be read"):
+        read_recording(tmp_path / "x.npz", skeleton_path=tmp_path / "none.npz")
 
 
 def rotation(vector):

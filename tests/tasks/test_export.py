@@ -137,6 +137,13 @@ def test_positions_are_read_back_as_the_same_motion(exported, fixtures_dir, docu
     np.testing.assert_array_equal(extract_features(part)[30:90], words)
 
 
+def test_an_npz_says_what_is_up_even_of_somebody_who_lies(exported, fixtures_dir):
+    folder, (clip,) = exported([record(TAKES[0], 0.2, 1.0)], to="npz")  # lieDownFloor
+    whole, part = read_take(fixtures_dir / TAKES[0]), read_take(folder / clip["file"])
+    assert (part.conventions.unit, part.conventions.up) == (1.0, "y")
+    np.testing.assert_array_equal(part.motion.positions, whole.motion.positions[24:120])
+
+
 @pytest.mark.parametrize("to", ["npz", "csv"])
 def test_made_joints_are_made_again(exported, real_data, to):
     document = "c3d/PlugInC3D.c3d"
