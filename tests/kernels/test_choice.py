@@ -1,5 +1,6 @@
 import json
 import os
+from pathlib import Path
 
 import pytest
 
@@ -66,3 +67,10 @@ def test_info_tells_what_runs(fixtures_store, mocapidx):
     done = mocapidx("info", fixtures_store, "--format", "jsonl", env=environment)
     facts = json.loads(done.stdout)
     assert (facts["kernels"], facts["instructions"]) == ("numpy", "numpy")
+
+
+def test_every_c_file_is_known_as_a_kernel():
+    folder = Path(choice.__file__).parent
+    if not list(folder.glob("*.c")):
+        pytest.skip("the sources aren't installed")
+    assert sorted(choice.KERNELS) == sorted(path.stem for path in folder.glob("*.c"))
