@@ -17,6 +17,7 @@ function sharp(canvas, height) {
 function drawStripes(canvas, clip, unknown, row) {
   const { pen, width, height } = sharp(canvas, row * data.features.length);
   const frames = clip.end - clip.start;
+  const holds = featuresOf(clip.piece);
   const mask = BigInt(`0x${unknown}`);
   const line = row > 2 ? 1 : 0;
   data.features.forEach((feature, number) => {
@@ -33,7 +34,7 @@ function drawStripes(canvas, clip, unknown, row) {
     pen.fillStyle = colour("stripe");
     let since = -1;
     for (let frame = 0; frame <= frames; frame += 1) {
-      const on = frame < frames && holds(clip.piece, clip.start + frame, number);
+      const on = frame < frames && holds(clip.start + frame, number);
       if (on && since < 0) since = frame;
       if (!on && since >= 0) {
         const long = Math.max(((frame - since) / frames) * width, 0.75);
@@ -49,7 +50,7 @@ function drawStripes(canvas, clip, unknown, row) {
 function drawTimeline(canvas, entry, chosen) {
   const lanes = lanesOf(entry, chosen);
   const laneHeight = 18;
-  const curveHeight = entry.curves.length ? 62 : 0;
+  const curveHeight = entry.curves.some((curve) => curve.class === chosen.class) ? 62 : 0;
   const { pen, width, height } = sharp(canvas, lanes.length * laneHeight + curveHeight + 16);
   const across = (frame) => (frame / entry.frames) * width;
   pen.font = "11px system-ui, sans-serif";

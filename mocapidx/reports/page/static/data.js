@@ -44,11 +44,11 @@ function poseAt(piece, frame, pose = new Float32Array(3 * data.joints.length)) {
   return pose;
 }
 
-/** Whether a feature holds at a frame of the document. */
-function holds(piece, frame, feature) {
+/** Tells of a piece whether a feature holds at a frame of the document. */
+function featuresOf(piece) {
   const width = Math.ceil(data.features.length / 8);
   const { words } = decode(piece);
-  return (words[(frame - piece.start) * width + (feature >> 3)] >> (feature & 7)) & 1;
+  return (frame, feature) => (words[(frame - piece.start) * width + (feature >> 3)] >> (feature & 7)) & 1;
 }
 
 /** The angle about the vertical, from Z to X, in which a pose faces. */
