@@ -108,8 +108,8 @@ READING = (
     click.option(
         "--skeleton",
         type=click.Path(path_type=Path),
-        metavar="FILE.asf",
-        help="Skeleton of all AMC files.  [default: found beside or above each]",
+        metavar="FILE",
+        help="Skeleton (.asf) of AMC or body model (.npz) of AMASS.  [default: found; a template]",
     ),
     click.option(
         "--source-rate",

@@ -1,8 +1,8 @@
 """AMASS: body model poses as npz, turned into a skeleton of joints and channels.
 
 The files hold angles and a shape, no joints: these follow from a body model that can't be
-shipped. A template body of usual proportions stands in for it, which is as good for relations
-between joints, but for small differences of build.
+shipped. Where none is given, a template body of usual proportions stands in for it, which is as
+good for relations between joints, but for small differences of build.
 """
 
 from pathlib import Path
@@ -13,13 +13,16 @@ from numpy.typing import NDArray
 
 from mocapidx.errors import FormatError
 from mocapidx.formats.arrays import as_numbers
+from mocapidx.formats.body_model import body_joints
 from mocapidx.formats.positions import stated_rate
 from mocapidx.formats.text import Limits, place
 from mocapidx.model import FloatArray, Recording, Skeleton
+from mocapidx.printable import shown
 
 __all__ = ["AMASS_KEYS", "amass_recording"]
 
-AMASS_KEYS: Final = ("poses", "trans")
+AMASS_KEYS: Final = ("poses", "trans", "betas")
+LARGEST_SHAPE: Final = 100.0  # people lie within 5 or so
 WIDTHS: Final = {66: "SMPL body", 72: "SMPL", 156: "SMPL-H", 165: "SMPL-X"}
 TEMPLATE: Final = (
     # name, parent, offset in metres: a person of 1.73 m with arms stretched out, left is +x
@@ -46,7 +49,9 @@ NOTE: Final = (
 )
 
 
-def amass_recording(path: Path, arrays: dict[str, NDArray[Any]], limits: Limits) -> Recording:
+def amass_recording(
+    path: Path, arrays: dict[str, NDArray[Any]], limits: Limits, model: Path | None = None
+) -> Recording:
     """Understand the arrays of an npz file as AMASS motion.
 
     Parameters
@@ -58,6 +63,8 @@ def amass_recording(path: Path, arrays: dict[str, NDArray[Any]], limits: Limits)
         (T, 3) in metres; `mocap_framerate` or `mocap_frame_rate`.
     limits : Limits
         What is refused as too large.
+    model : Path, optional
+        A body model as npz; by default a template body moves. `betas` is the shape.
 
     Returns
     -------
@@ -70,7 +77,7 @@ def amass_recording(path: Path, arrays: dict[str, NDArray[Any]], limits: Limits)
         If an array is missing or of another shape; the message names it.
     """
     where = place(path)
-    for key in AMASS_KEYS:
+    for key in AMASS_KEYS[:2]:
         if key not in arrays:
             raise FormatError(f"{where}: has no '{key}': not a motion of AMASS")
     poses = as_numbers(arrays["poses"], f"{where}: 'poses'", (None, None))
@@ -87,15 +94,23 @@ def amass_recording(path: Path, arrays: dict[str, NDArray[Any]], limits: Limits)
     vectors = poses[:, : 3 * TURNING].reshape(len(poses), TURNING, 3)
     if not (np.isfinite(vectors).all() and np.isfinite(trans).all()):
         raise FormatError(f"{where}: holds numbers that are not finite; is it damaged?")
-    names, parents, offsets = zip(*TEMPLATE, strict=True)
+    names, parents, places = zip(*TEMPLATE, strict=True)
+    offsets = np.array(places, dtype=np.float64)
     nodes = np.concatenate(([0, 0, 0], np.repeat(np.arange(TURNING), 3)))
     kinds = np.concatenate(([0, 1, 2], np.tile([5, 4, 3], TURNING)))
     angles = _euler_angles(vectors).reshape(len(poses), -1)
+    notes: tuple[str, ...] = (NOTE,)
+    if model is not None:
+        joints = body_joints(model, _shape(where, arrays), limits)
+        offsets = joints - joints[np.maximum(parents, 0)]
+        offsets[0] = 0.0
+        trans = trans + joints[0]
+        notes = (f"body: of the model {shown(model.name)} at the shape of the file",)
     return Recording(
         skeleton=Skeleton(
             names=names,
             parents=np.array(parents, dtype=np.int64),
-            offsets=np.array(offsets, dtype=np.float64),
+            offsets=offsets,
             turned_by="parent",
         ),
         channel_nodes=nodes.astype(np.int64),
@@ -104,8 +119,17 @@ def amass_recording(path: Path, arrays: dict[str, NDArray[Any]], limits: Limits)
         rate=rate,
         unit=1.0,
         up="z",
-        notes=(NOTE,),
+        notes=notes,
     )
+
+
+def _shape(where: str, arrays: dict[str, NDArray[Any]]) -> FloatArray:
+    if "betas" not in arrays:
+        return np.zeros(0)
+    betas = as_numbers(arrays["betas"].reshape(-1), f"{where}: 'betas'", (None,))
+    if not (np.abs(betas) < LARGEST_SHAPE).all():
+        raise FormatError(f"{where}: 'betas' are no shape of a body; is it damaged?")
+    return betas
 
 
 def _euler_angles(vectors: FloatArray) -> FloatArray:

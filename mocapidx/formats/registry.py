@@ -98,7 +98,8 @@ def holds_motion(path: Path) -> bool:
 def sources_of(path: Path, skeleton_path: Path | None = None) -> tuple[Path, ...]:
     """Return the files that a take is read from: itself, and its skeleton if it has one apart.
 
-    The skeleton of an AMC is its ASF, that of an npy file its list of joints.
+    The skeleton of an AMC is its ASF, that of an npy file its list of joints, and that of an npz
+    file of AMASS the body model that the user named, if any.
 
     Parameters
     ----------
@@ -117,17 +118,21 @@ def sources_of(path: Path, skeleton_path: Path | None = None) -> tuple[Path, ...
     FormatError
         If an AMC has no ASF.
     """
-    if path.suffix.lower() == ".npy":
-        joint_list = _of("positions").find_joint_list(path)
-        return (path,) if joint_list is None else (path, joint_list)
-    model = skeleton_path is not None and skeleton_path.suffix.lower() == ".npz"
-    if path.suffix.lower() == ".npz" and model and skeleton_path is not None:
-        return path, skeleton_path
-    if path.suffix.lower() != ".amc":
-        return (path,)
-    if model:
-        return path, find_skeleton_of(path)
-    return path, skeleton_path or _of("amc").find_skeleton(path)
+    suffix = path.suffix.lower()
+    own = _of_kind(skeleton_path, suffix)
+    if suffix == ".npy":
+        own = _of("positions").find_joint_list(path)
+    elif suffix == ".amc":
+        own = own or _of("amc").find_skeleton(path)
+    return (path,) if own is None else (path, own)
+
+
+def _of_kind(skeleton_path: Path | None, suffix: str) -> Path | None:
+    """Return the skeleton that the user named if it can be one of such files."""
+    if skeleton_path is None:
+        return None
+    is_model = skeleton_path.suffix.lower() == ".npz"
+    return skeleton_path if suffix == (".npz" if is_model else ".amc") else None
 
 
 def read_recording(
@@ -140,7 +145,8 @@ def read_recording(
     path : Path
         The motion file.
     skeleton_path : Path, optional
-        The ASF of an AMC; by default the one beside it.
+        As `sources_of` gives it: the ASF of an AMC, the body model of an AMASS file, the list of
+        joints of an npy file.
     limits : Limits, optional
         What is refused as too large.
 

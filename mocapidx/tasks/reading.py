@@ -23,7 +23,7 @@ class ReadOptions:
     Parameters
     ----------
     skeleton : Path or None
-        The ASF of AMC files.
+        The ASF of AMC files, or the body model (npz) of AMASS files.
     source_rate : float or None
         Frames a second of files that don't say, in Hz; BVH, C3D and TRC files state their own.
     joint_map : Path or None
