@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from mocapidx.store.read import open_store
     from mocapidx.tasks.align import align_motions
     from mocapidx.tasks.annotate import annotate_motion
-    from mocapidx.tasks.export import export_clips
     from mocapidx.tasks.doctor import examine
+    from mocapidx.tasks.export import export_clips
     from mocapidx.tasks.index import compact_store, index_files
     from mocapidx.tasks.info import document_info, store_info
     from mocapidx.tasks.learn import find_labels, learn_classes
