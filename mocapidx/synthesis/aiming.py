@@ -6,6 +6,7 @@ on single weights would let a dozen examples be extrapolated at once.
 """
 
 from dataclasses import dataclass
+from itertools import zip_longest
 from typing import Final
 
 import numpy as np
@@ -16,8 +17,11 @@ from mocapidx.synthesis.sampling import NEIGHBOURS, Evaluate, nearest, shares
 __all__ = ["Aim", "aim", "bounded"]
 
 ROUNDS: Final = 40
-SETS: Final = 24
-"""So many sets of neighbouring examples are tried for a target that interpolation misses."""
+TRIES: Final = 32
+"""Blends of neighbouring examples from which a way is sought where interpolation leads to none."""
+
+STARTS: Final = 3
+"""At most so many of them are of the same examples."""
 
 PROBE: Final = 1e-3
 """By how much a share is changed to see what it does."""
@@ -112,29 +116,38 @@ def aim(
         return evaluate(blend_weights) / scales - goal
 
     near, distances = nearest(scaled, goal, NEIGHBOURS)
-    found = [_refined(rest, weights[near], shares(distances), (0.0, 1.0), enough)]
-    bounds = (-extrapolation, 1 + extrapolation)
-    unit = np.eye(weights.shape[1])
-    for chosen, start in _sets(scaled, weights, nearest(scaled, goal, 10 * NEIGHBOURS)[0]):
-        if found[-1][1] <= enough:
-            break
-        found.append(_refined(rest, unit[chosen], start, bounds, enough))
-    best, miss = min(found, key=lambda pair: pair[1])
+    best, miss = _refined(rest, weights[near], shares(distances), (0.0, 1.0), enough)
+    if miss > enough:
+        # A mixture of samples that lie far from each other may come nearer to a target out of
+        # reach, but only a blend of neighbours is on the border of what can be reached.
+        best, miss = weights[near[0]], float(distances[0])
+        bounds = (-extrapolation, 1 + extrapolation)
+        unit = np.eye(weights.shape[1])
+        for chosen, start in _starts(scaled, weights, nearest(scaled, goal, 10 * NEIGHBOURS)[0]):
+            found = _refined(rest, unit[chosen], start, bounds, enough)
+            best, miss = min((best, miss), found, key=lambda pair: pair[1])
+            if miss <= enough:
+                break
     return Aim(best, evaluate(best), miss)
 
 
-def _sets(
+def _starts(
     scaled: FloatArray, weights: FloatArray, near: IndexArray
 ) -> list[tuple[IndexArray, FloatArray]]:
-    """List the sets of examples that samples are blended from, and the weights of the samples."""
+    """List samples as sets of examples and their weights; first one of each set, then more."""
     count, dimensions = weights.shape[1], scaled.shape[1]
-    found: dict[tuple[int, ...], tuple[IndexArray, FloatArray]] = {}
+    found: dict[tuple[int, ...], list[tuple[IndexArray, FloatArray]]] = {}
     for sample in near.tolist():
         chosen = np.flatnonzero(weights[sample])
-        if len(chosen) <= dimensions:  # one of the examples
+        if len(chosen) <= dimensions:  # one of the examples, or a blend of few
             chosen = np.sort(nearest(scaled[:count], scaled[sample], dimensions + 1)[0])
-        found.setdefault(tuple(chosen.tolist()), (chosen, weights[sample, chosen]))
-    return list(found.values())[:SETS]
+            if weights[sample, chosen].sum() < 1 - 1e-9:
+                continue
+        of_set = found.setdefault(tuple(chosen.tolist()), [])
+        if len(of_set) < STARTS:
+            of_set.append((chosen, weights[sample, chosen]))
+    rounds = zip_longest(*found.values())
+    return [start for each in rounds for start in each if start is not None][:TRIES]
 
 
 def _refined(
