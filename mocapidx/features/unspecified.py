@@ -6,23 +6,20 @@ make them unspecified for that while: a stretch of frames and a mask.
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
 
 from mocapidx.features.extract import all_features, untrusted_features
 from mocapidx.features.featureset import AnyFeatureSet, load_feature_set
+from mocapidx.features.gaps import Unspecified
 from mocapidx.features.kinds import KINDS
 from mocapidx.features.relations import Condition, joint_names, leaves
 from mocapidx.features.trust import absent_joints
 from mocapidx.features.words import pack_words
 from mocapidx.model import BoolArray, Motion, WordArray
 
-__all__ = ["FeatureWords", "Unspecified", "feature_words", "unspecified_within"]
-
-Unspecified: TypeAlias = tuple[tuple[int, int, int], ...]
-"""Stretches in which some features can't be told: start, end (in frames) and their mask, in the
-order of time, none overlapping another."""
+__all__ = ["FeatureWords", "feature_words"]
 
 MOST_STRETCHES: Final = 1000
 NEAR: Final = 1.0  # seconds between stretches that are united where there are too many
@@ -76,28 +73,6 @@ def feature_words(motion: Motion, feature_set: AnyFeatureSet = "f39") -> Feature
     for start, end, mask in stretches:
         words[start:end] &= ~np.uint64(mask)
     return FeatureWords(words & ~np.uint64(untrusted), untrusted, stretches)
-
-
-def unspecified_within(unspecified: Unspecified, start: int, end: int) -> int:
-    """Return the features that can't be told somewhere in a stretch.
-
-    Parameters
-    ----------
-    unspecified : tuple of (int, int, int)
-        Of the whole motion.
-    start, end : int
-        Half-open, in frames.
-
-    Returns
-    -------
-    int
-        Their mask.
-    """
-    mask = 0
-    for first, last, features in unspecified:
-        if first < end and last > start:
-            mask |= features
-    return mask
 
 
 def _unknown_joints(motion: Motion) -> dict[str, BoolArray] | None:

@@ -9,7 +9,8 @@ import numpy as np
 
 from mocapidx.errors import FormatError
 from mocapidx.features.featureset import AnyFeatureSet, FeatureSet, load_feature_set
-from mocapidx.features.unspecified import Unspecified, feature_words
+from mocapidx.features.gaps import Unspecified
+from mocapidx.features.unspecified import feature_words
 from mocapidx.model import IndexArray
 from mocapidx.printable import count, shown
 from mocapidx.skeleton.joints import CANONICAL_JOINTS, MIRROR

@@ -10,7 +10,8 @@ import numpy as np
 
 from mocapidx.errors import FormatError, ParameterError
 from mocapidx.features.featureset import FeatureSet
-from mocapidx.features.unspecified import Unspecified, feature_words, unspecified_within
+from mocapidx.features.gaps import Unspecified, unspecified_within
+from mocapidx.features.unspecified import feature_words
 from mocapidx.model import FloatArray, WordArray
 from mocapidx.printable import shown
 from mocapidx.skeleton.joints import CANONICAL_JOINTS

@@ -8,7 +8,7 @@ import numpy as np
 
 from mocapidx.errors import ParameterError
 from mocapidx.features.featureset import PARTS, FeatureSet
-from mocapidx.features.unspecified import unspecified_within
+from mocapidx.features.gaps import unspecified_within
 from mocapidx.kernels.choice import instructions_in_use, kernels_in_use
 from mocapidx.printable import shown
 from mocapidx.store import schema

@@ -2,7 +2,7 @@
 
 import re
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -12,15 +12,14 @@ from mocapidx.formats.text import Limits, place
 from mocapidx.model import FloatArray, Motion, PointRecording, Recording
 from mocapidx.skeleton.canonical import canonical_positions, canonical_rest, made_joints
 from mocapidx.skeleton.conventions import Conventions, detect_conventions
-from mocapidx.skeleton.gaps import fill_gaps
 from mocapidx.skeleton.jointmap import Mapping24, choose_map, load_joint_map
 from mocapidx.skeleton.joints import CANONICAL_JOINTS
-from mocapidx.skeleton.markermap import load_marker_map
-from mocapidx.skeleton.markers import PointMapping, choose_marker_map, marker_joints
-from mocapidx.skeleton.pointconventions import detect_point_conventions
 from mocapidx.skeleton.resample import kept_frames
 from mocapidx.skeleton.rotations import upright
 from mocapidx.tasks.reading import RateOrigin, Reading, ReadOptions
+
+if TYPE_CHECKING:
+    from mocapidx.skeleton.markers import PointMapping
 
 __all__ = [
     "Limits",
@@ -94,7 +93,7 @@ def read_motion(path: str | Path, **options: Any) -> Motion:
 
 def read_any(
     path: Path, options: ReadOptions, rate: float | None = None
-) -> tuple[Reading, Recording | PointRecording, Mapping24 | PointMapping]:
+) -> "tuple[Reading, Recording | PointRecording, Mapping24 | PointMapping]":
     """Read a motion file and keep what it holds.
 
     Parameters
@@ -156,7 +155,7 @@ def read_recorded(path: Path, options: ReadOptions) -> tuple[Reading, Recording,
         If the user's joint map is none.
     """
     reading, recording, mapping = read_any(path, options)
-    if isinstance(recording, PointRecording) or isinstance(mapping, PointMapping):
+    if isinstance(recording, PointRecording) or not isinstance(mapping, Mapping24):
         raise FormatError(f"{place(path)}: holds points, expected a skeleton that channels move")
     return reading, recording, mapping
 
@@ -198,7 +197,12 @@ def _from_channels(
 
 def _from_points(
     path: Path, recording: PointRecording, options: ReadOptions
-) -> tuple[Reading, PointRecording, PointMapping]:
+) -> "tuple[Reading, PointRecording, PointMapping]":
+    from mocapidx.skeleton.gaps import fill_gaps
+    from mocapidx.skeleton.markermap import load_marker_map
+    from mocapidx.skeleton.markers import choose_marker_map, marker_joints
+    from mocapidx.skeleton.pointconventions import detect_point_conventions
+
     marker_map = None if options.joint_map is None else load_marker_map(options.joint_map)
     mapping = choose_marker_map(recording.names, marker_map, options.subject, place(path))
     rate, origin = _rate(path, recording.rate, options)

@@ -6,7 +6,7 @@ from typing import Any, Final
 import numpy as np
 
 from mocapidx.errors import StoreError
-from mocapidx.features.unspecified import Unspecified, unspecified_within
+from mocapidx.features.gaps import Unspecified, unspecified_within
 from mocapidx.model import BoolArray, IndexArray
 from mocapidx.printable import shown
 from mocapidx.store.manifest import Document, Rig

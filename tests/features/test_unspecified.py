@@ -7,7 +7,8 @@ import pytest
 
 from mocapidx.features.extract import extract_features, untrusted_features
 from mocapidx.features.featureset import load_feature_set
-from mocapidx.features.unspecified import feature_words, unspecified_within
+from mocapidx.features.gaps import unspecified_within
+from mocapidx.features.unspecified import feature_words
 from mocapidx.features.words import pack_words
 from mocapidx.model import Motion
 from mocapidx.skeleton.joints import CANONICAL_JOINTS, INDEX
