@@ -36,7 +36,7 @@ class ReportOptions:
     example : str, optional
         The query: ``FILE[@START:END]``, or in place of FILE a document of the store. None:
         hits are shown beside the best of their class.
-    templates : Path or TemplateSet, optional
+    templates : str, Path or TemplateSet, optional
         Their distance functions are drawn, with the thresholds.
     top : int, optional
         Only so many hits, the best.
@@ -49,7 +49,7 @@ class ReportOptions:
     """
 
     example: str | None = None
-    templates: Path | TemplateSet | None = None
+    templates: str | Path | TemplateSet | None = None
     top: int | None = None
     max_size: float = 32.0
     title: str | None = None
@@ -80,8 +80,8 @@ class Report:
 
 
 def make_report(
-    store: Path,
-    records: Path,
+    store: str | Path,
+    records: str | Path,
     options: ReportOptions | None = None,
     *,
     progress: Callable[[int, int], None] | None = None,
@@ -90,9 +90,9 @@ def make_report(
 
     Parameters
     ----------
-    store : Path
+    store : str or Path
         With poses.
-    records : Path
+    records : str or Path
         JSON lines or CSV that `query`, `retrieve` or `annotate` printed; ``-`` is the standard
         input.
     options : ReportOptions, optional
@@ -112,7 +112,7 @@ def make_report(
         If the store keeps no poses.
     StoreError
     """
-    options = options or ReportOptions()
+    store, records, options = Path(store), Path(records), options or ReportOptions()
     if not options.max_size >= SMALLEST:
         raise ParameterError(f"a page has at least {SMALLEST:g} MB, got {options.max_size:g}")
     with open_store(store) as snapshot:
@@ -124,8 +124,8 @@ def make_report(
             )
         feature_set = store_feature_set(snapshot)
         templates = options.templates
-        if isinstance(templates, Path):
-            templates = load_templates(templates)
+        if isinstance(templates, (str, Path)):
+            templates = load_templates(Path(templates))
         if templates is not None:
             check_store(snapshot, templates)
         query = None
