@@ -11,6 +11,7 @@ from mocapidx.alignment.subsequence import Steps
 from mocapidx.durable import durable_replace
 from mocapidx.errors import FormatError, ParameterError
 from mocapidx.features.featureset import FeatureSet
+from mocapidx.features.gaps import Unspecified
 from mocapidx.model import WordArray
 from mocapidx.printable import shown
 from mocapidx.reports.confusion import confusion_picture
@@ -29,6 +30,7 @@ from mocapidx.tasks.sources import find_sources
 from mocapidx.tasks.store_words import check_store, document_words
 from mocapidx.tasks.template import template_features
 from mocapidx.tasks.template_records import template_facts
+from mocapidx.tasks.unspecified import specified_pieces
 from mocapidx.templates.file import load_templates
 from mocapidx.templates.match import find_hits, match_documents
 from mocapidx.templates.quantise import quantise
@@ -42,11 +44,12 @@ MOST_CLASSES: Final = 40
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Document:
-    """The feature words of one document, and the features that it can't tell."""
+    """The feature words of one document, and where it can't tell which features."""
 
     name: str
     words: WordArray
     untrusted: int
+    pieces: Unspecified
 
 
 def draw_templates(
@@ -191,6 +194,7 @@ def _from_store(path: Path, known: TemplateSet, names: Sequence[str]) -> list[_D
                 name,
                 document_words(store, [places[name]])[0],
                 untrusted_mask(places[name].document),
+                specified_pieces(places[name].document),
             )
             for name in names or places
         ]
@@ -205,7 +209,9 @@ def _from_file(path: Path, known: TemplateSet, options: ReadOptions) -> list[_Do
     if not isinstance(prepared, Prepared):
         message = prepared.message if isinstance(prepared, Refused) else f"{shown(path)}: not read"
         raise FormatError(message)
-    return [_Document(sources[0].name, prepared.words, untrusted_mask(prepared.document))]
+    record = prepared.document
+    pieces = specified_pieces(record)
+    return [_Document(record.name, prepared.words, untrusted_mask(record), pieces)]
 
 
 def _curve(
@@ -219,15 +225,17 @@ def _curve(
     quantised = quantise(template.matrix, template.delta)
     costs, hits = [], []
     for document, offset in zip(documents, offsets, strict=False):
-        bounds = np.array([0, len(document.words)])
-        trusted = quantised.without(document.untrusted)
-        matching = match_documents(trusted, document.words, bounds, steps)
-        found = find_hits(matching, threshold)
-        costs.append(matching.costs)
-        hits += [
-            Span(offset + start / template.rate, offset + end / template.rate, template.label)
-            for start, end in zip(found.starts.tolist(), found.ends.tolist(), strict=True)
-        ]
+        for first, stop, unspecified in document.pieces:
+            words = document.words[first:stop]
+            trusted = quantised.without(document.untrusted | unspecified)
+            matching = match_documents(trusted, words, np.array([0, len(words)]), steps)
+            found = find_hits(matching, threshold)
+            costs.append(matching.costs)
+            start = offset + first / template.rate
+            hits += [
+                Span(start + begin / template.rate, start + end / template.rate, template.label)
+                for begin, end in zip(found.starts.tolist(), found.ends.tolist(), strict=True)
+            ]
     return Curve(template.label, np.concatenate(costs), threshold, tuple(hits))
 
 
