@@ -9,6 +9,7 @@ import numpy as np
 
 from mocapidx.model import BoolArray, FloatArray, Up
 from mocapidx.skeleton.joints import CANONICAL_JOINTS, INDEX
+from mocapidx.skeleton.quantiles import median, quantile
 from mocapidx.units import LENGTHS
 
 __all__ = [
@@ -112,13 +113,13 @@ def up_axis(poses: FloatArray) -> Up:
     heads = heads[np.isfinite(heads).all(axis=1)]
     if not len(heads):
         return "y"
-    reach = np.percentile(np.concatenate((heads, -heads), axis=1), 90, axis=0)
+    reach = quantile(np.concatenate((heads, -heads), axis=1), 0.9)
     if reach[1] >= 0.8 * reach.max():
         return "y"
-    median = _middle(heads)
-    axis = int(np.argmax(_middle(np.abs(heads))))
+    usual = median(heads)
+    axis = int(np.argmax(median(np.abs(heads))))
     names: tuple[tuple[Up, Up], ...] = (("x", "-x"), ("y", "-y"), ("z", "-z"))
-    return names[axis][int(median[axis] < 0)]
+    return names[axis][int(usual[axis] < 0)]
 
 
 def middle(poses: FloatArray, groups: tuple[tuple[str, ...], ...]) -> FloatArray:
@@ -173,7 +174,7 @@ def facing(poses: FloatArray) -> float:
     if not known.any():
         return np.nan
     cosine, steep = cosine[known], steep[known]
-    return float(_middle(cosine[steep >= min(STEEP, np.percentile(steep, 75))]))
+    return float(median(cosine[steep >= min(STEEP, quantile(steep, 0.75))]))
 
 
 def coincident_joints(poses: FloatArray) -> tuple[tuple[str, str], ...]:
@@ -230,10 +231,4 @@ def _limb(poses: FloatArray, chain: tuple[str, str, str]) -> float:
             return np.nan
         both = both[int(np.argmax(sides))][None]
         both = both[:, np.isfinite(both[0])]
-    return float(_middle(both.mean(axis=0)))
-
-
-def _middle(values: FloatArray) -> FloatArray:
-    """Give the medians along the first axis; `np.median` would import masked arrays."""
-    middle: FloatArray = np.percentile(values, 50, axis=0)
-    return middle
+    return float(median(both.mean(axis=0)))

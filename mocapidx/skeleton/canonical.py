@@ -12,6 +12,7 @@ from mocapidx.model import FloatArray, IndexArray, Recording
 from mocapidx.skeleton.jointmap import Between, Mapping24
 from mocapidx.skeleton.joints import CANONICAL_JOINTS, INDEX
 from mocapidx.skeleton.kinematics import RootPositions, node_positions, zero_pose
+from mocapidx.skeleton.quantiles import median
 
 __all__ = ["canonical_positions", "canonical_rest", "completed_positions", "made_joints"]
 
@@ -134,7 +135,7 @@ def _top_of_head(positions: FloatArray) -> FloatArray:
     )
     leg = np.linalg.norm(hip - knee, axis=1) + np.linalg.norm(knee - ankle, axis=1)
     known = leg[np.isfinite(leg)]
-    height = np.median(known) / THIGH_AND_SHANK if len(known) else np.nan
+    height = median(known) / THIGH_AND_SHANK if len(known) else np.nan
     upwards = head - neck
     length = np.linalg.norm(upwards, axis=1, keepdims=True)
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -27,6 +27,7 @@ from mocapidx.skeleton.canonical import canonical_positions, made_joints
 from mocapidx.skeleton.jointmap import Mapping24
 from mocapidx.skeleton.joints import CANONICAL_JOINTS, INDEX
 from mocapidx.skeleton.kinematics import RootPositions
+from mocapidx.skeleton.quantiles import median, quantile
 from mocapidx.skeleton.rotations import Up, upright
 
 __all__ = ["Conventions", "Overrides", "detect_conventions"]
@@ -228,8 +229,8 @@ def _look(
         unit=unit,
         up=up,
         leg=leg * unit,
-        head=float(np.median(heights[:, INDEX["head"]] - ankles.mean(axis=1))),
-        floor=float(np.percentile(np.nanmin(feet, axis=1), 5)),
+        head=float(median(heights[:, INDEX["head"]] - ankles.mean(axis=1))),
+        floor=float(quantile(np.nanmin(feet, axis=1), 0.05)),
     )
 
 
