@@ -76,13 +76,6 @@ def kind_of(data: bytes) -> Kind | None:
         name = "textgrid"
     elif SRT.match(beginning.replace("\r\n", "\n")):
         name = "srt"
-    elif _is_babel(beginning, data):
+    elif beginning.startswith("{") and b'"feat_p"' in data[:BABEL_BEGINNING]:
         name = "babel"
     return None if name is None else KINDS[name]
-
-
-def _is_babel(beginning: str, data: bytes) -> bool:
-    """Tell BABEL's sequences from JSON lines; an object without any is no record either."""
-    if not beginning.startswith("{"):
-        return False
-    return b'"feat_p"' in data[:BABEL_BEGINNING] or beginning.strip() == "{}"
