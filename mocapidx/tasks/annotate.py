@@ -25,8 +25,9 @@ from mocapidx.tasks.records import HIT_COLUMNS, Record, hit_record
 from mocapidx.tasks.segment_sources import untrusted_mask
 from mocapidx.tasks.sources import Source, find_sources
 from mocapidx.tasks.store_words import WordBatch, check_store, cut_at_gaps, store_batches
+from mocapidx.tasks.threads import thread_count
 from mocapidx.templates.file import load_templates
-from mocapidx.templates.match import find_hits, match_documents
+from mocapidx.templates.match import find_hits, match_several
 from mocapidx.templates.path import UNKNOWN_COST, annotate_words, loop_bank
 from mocapidx.templates.quantise import quantise
 from mocapidx.templates.template import MotionTemplate, TemplateSet
@@ -317,13 +318,18 @@ def _path_annotations(work: _Work, batch: WordBatch) -> Iterator[Annotation]:
 def _hit_annotations(work: _Work, batch: WordBatch) -> Iterator[Annotation]:
     labels = list(dict.fromkeys(template.label for template in work.templates))
     found: dict[int, list[tuple[int, int, float, float, int]]] = {}
-    for template in work.templates:
+    several = [
+        quantise(template.matrix, template.delta).without(batch.untrusted)
+        for template in work.templates
+    ]
+    threads = min(work.options.jobs, thread_count())
+    matchings = match_several(several, batch.words, batch.bounds, threads=threads)
+    for template, matching in zip(work.templates, matchings, strict=True):
         number = labels.index(template.label)
         rivals = work.options.overlap == "rivals" and len(labels) > 1
         own = own_threshold(template, rivals)
         tau = own if work.options.tau is None else work.options.tau
-        quantised = quantise(template.matrix, template.delta).without(batch.untrusted)
-        hits = find_hits(match_documents(quantised, batch.words, batch.bounds), tau)
+        hits = find_hits(matching, tau)
         columns = (hits.documents, hits.starts, hits.ends, hits.costs)
         for document, start, end, cost in zip(*(c.tolist() for c in columns), strict=True):
             # A threshold of 0 has no hits, so the ratio is always there.

@@ -9,7 +9,7 @@ from mocapidx.alignment.subsequence import shortest_match
 from mocapidx.errors import ParameterError
 from mocapidx.model import BoolArray, IndexArray, WordArray
 
-__all__ = ["Layout", "end_padding", "lay_out"]
+__all__ = ["Layout", "end_padding", "lay_out", "narrowed"]
 
 PADDING: Final = 0.05  # of the template's rows, at each end of a document
 
@@ -83,6 +83,42 @@ def lay_out(
     _repeat(laid, first - front, front, words[bounds[:-1]])
     _repeat(laid, first + lengths, padding, words[bounds[1:] - 1])
     return Layout(laid, breaks, first, padding, real)
+
+
+def narrowed(
+    laid: Layout,
+    bounds: IndexArray,
+    rows: int,
+    padded: bool | tuple[BoolArray, BoolArray] = True,
+) -> Layout:
+    """Use a layout for a template of fewer rows, whose documents are padded less.
+
+    Parameters
+    ----------
+    laid : Layout
+        For a template of as many rows or more.
+    bounds : ndarray of int64, shape (D + 1,)
+    rows : int
+        Of the other template.
+    padded : bool or pair of ndarray of bool
+        As for the layout.
+
+    Returns
+    -------
+    Layout
+        The same words; what is too much of the padding counts as breaks.
+    """
+    lengths = np.diff(bounds)
+    repeated = end_padding(lengths, rows)
+    at_first, at_last = padded if isinstance(padded, tuple) else (padded, padded)
+    front, padding = repeated * at_first, repeated * at_last
+    ends = laid.breaks[1::2] + 1
+    begins = np.concatenate(([0], ends[:-1]))
+    starts = np.column_stack((begins, laid.first + lengths + padding)).ravel()
+    lengths_of_breaks = np.column_stack((laid.first - front, ends)).ravel() - starts
+    places = np.repeat(starts - np.cumsum(lengths_of_breaks) + lengths_of_breaks, lengths_of_breaks)
+    breaks = np.arange(len(places)) + places
+    return Layout(laid.words, breaks, laid.first, padding, laid.real)
 
 
 def _repeat(laid: WordArray, starts: IndexArray, times: IndexArray, words: WordArray) -> None:

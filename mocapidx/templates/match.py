@@ -2,7 +2,7 @@
 
 from bisect import bisect_left, insort
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,11 +10,12 @@ import numpy as np
 from mocapidx.alignment.subsequence import (
     CostArray,
     Steps,
+    many_subsequence_costs,
     subsequence_costs,
     subsequence_starts,
 )
 from mocapidx.model import BoolArray, IndexArray, WordArray
-from mocapidx.templates.layout import end_padding, lay_out
+from mocapidx.templates.layout import Layout, end_padding, lay_out, narrowed
 from mocapidx.templates.quantise import Quantised, quantise
 from mocapidx.templates.template import MotionTemplate
 
@@ -28,10 +29,12 @@ __all__ = [
     "local_minima",
     "lowest_costs",
     "match_documents",
+    "match_several",
     "merge_hits",
 ]
 
 SHARED = 0.5
+CELLS_AT_ONCE = 1 << 23  # costs of several templates that are held together
 CANDIDATES = 1024  # best minima whose starts are found first; then ever more at a time
 
 
@@ -154,6 +157,52 @@ def match_documents(
     """
     laid = lay_out(words, bounds, len(quantised.ones), padded)
     laid_costs = subsequence_costs(quantised.ones, quantised.care, laid.words, laid.breaks, steps)
+    return _matching(quantised, bounds, steps, laid, laid_costs)
+
+
+def match_several(
+    several: Sequence[Quantised],
+    words: WordArray,
+    bounds: IndexArray,
+    steps: Steps = "weighted",
+    padded: bool | tuple[BoolArray, BoolArray] = True,
+    threads: int = 1,
+) -> Iterator[Matching]:
+    """Match several templates with many documents, some templates at a time.
+
+    Parameters
+    ----------
+    several : sequence of Quantised
+    words, bounds, steps, padded
+        As for `match_documents`.
+    threads : int
+        Share the frames among so many threads; changes nothing in the result.
+
+    Yields
+    ------
+    Matching
+        The same as each by itself.
+
+    Raises
+    ------
+    ParameterError
+        As `match_documents`.
+    """
+    at_once = max(1, CELLS_AT_ONCE // max(len(words), 1))
+    for start in range(0, len(several), at_once):
+        some = several[start : start + at_once]
+        laid = lay_out(words, bounds, max(len(one.ones) for one in some), padded)
+        own = [narrowed(laid, bounds, len(one.ones), padded) for one in some]
+        templates = [(one.ones, one.care) for one in some]
+        breaks = [one.breaks for one in own]
+        costs = many_subsequence_costs(templates, laid.words, breaks, steps, threads)
+        for quantised, own_laid, own_costs in zip(some, own, costs, strict=True):
+            yield _matching(quantised, bounds, steps, own_laid, own_costs)
+
+
+def _matching(
+    quantised: Quantised, bounds: IndexArray, steps: Steps, laid: Layout, laid_costs: CostArray
+) -> Matching:
     costs = laid_costs[laid.real]
     last = laid.first + np.diff(bounds) - 1
     # reduceat takes every other stretch: from the last frame to the end of its padding

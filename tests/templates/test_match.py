@@ -186,3 +186,27 @@ def test_only_minima_below_the_threshold_are_looked_for(costs, cuts, tau):
     minima = match.local_minima(costs, bounds)
     expected = minima[costs[minima] < tau]
     np.testing.assert_array_equal(match._minima_below(costs, bounds, tau), expected)
+
+
+@given(
+    seed=st.integers(0, 2**32),
+    rows=st.lists(st.integers(1, 90), min_size=1, max_size=4),
+    lengths=st.lists(st.integers(1, 60), min_size=1, max_size=5),
+    kind=st.sampled_from(["padded", "bare", "pieces"]),
+)
+def test_several_templates_match_as_each_by_itself(seed, rows, lengths, kind):
+    rng = np.random.default_rng(seed)
+    bounds = np.cumsum([0, *lengths])
+    words = rng.integers(0, 256, bounds[-1], dtype=np.uint64)
+    several = [quantise(rng.choice([0.0, 0.5, 1.0], (k, 8)), 0.1) for k in rows]
+    ends = tuple(rng.random((2, len(lengths))) < 0.5)
+    padded = {"padded": True, "bare": False, "pieces": ends}[kind]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(match, "CELLS_AT_ONCE", 2 * len(words))
+        together = list(match.match_several(several, words, bounds, padded=padded, threads=2))
+    for quantised, ours in zip(several, together, strict=True):
+        alone = match_documents(quantised, words, bounds, padded=padded)
+        np.testing.assert_array_equal(ours.costs, alone.costs)
+        hits, expected = find_hits(ours, 0.6), find_hits(alone, 0.6)
+        for name in ("documents", "starts", "ends", "costs"):
+            np.testing.assert_array_equal(getattr(hits, name), getattr(expected, name))
