@@ -38,14 +38,16 @@ def slope_limited_path(costs: FloatArray, steepest: int = STEEPEST) -> IndexArra
     .. [1] Kovar, Gleicher, SIGGRAPH 2004, section 3.1.
     """
     rows, columns = costs.shape
-    if max(rows, columns) - 1 > steepest * max(min(rows, columns) - 1, 0):
+    if max(rows, columns) > steepest * min(rows, columns):
         return None
     # A move goes one frame on in one motion and up to `steepest` frames in the other, and pays
     # for all cells on its way but the one that it leaves.
     moves = [(1, 1)] + [m for n in range(2, steepest + 1) for m in ((1, n), (n, 1))]
     totals = np.full((rows, columns), np.inf)
     chosen = np.full((rows, columns), -1, dtype=np.int8)
-    totals[0, 0] = costs[0, 0]
+    # At the start there may be several frames of one motion before any move.
+    totals[0, :steepest] = np.cumsum(costs[0, :steepest])
+    totals[:steepest, 0] = np.cumsum(costs[:steepest, 0])
     for row in range(1, rows):
         for number, (down, right) in enumerate(moves):
             if down > row or right >= columns:
@@ -60,6 +62,9 @@ def slope_limited_path(costs: FloatArray, steepest: int = STEEPEST) -> IndexArra
     path = [(rows - 1, columns - 1)]
     while path[-1] != (0, 0):
         row, column = path[-1]
+        if chosen[row, column] < 0:
+            path.append((max(row - 1, 0), max(column - 1, 0)))  # one of them is 0
+            continue
         down, right = moves[chosen[row, column]]
         path += [(row, column - n) for n in range(1, right)]
         path += [(row - n, column) for n in range(1, down)]
@@ -171,7 +176,7 @@ def smooth_timewarp(path: IndexArray, width: int) -> MonotoneCurve:
     smooth = np.stack(
         [np.convolve(padded[:, axis], weights, mode="valid") for axis in (0, 1)], axis=1
     )
-    smooth[0], smooth[-1] = cells[0], cells[-1]  # to the last bit
     line = cells[0] + np.linspace(0, 1, count)[:, None] * (cells[-1] - cells[0])
     curve = (1 - STRAIGHT) * smooth + STRAIGHT * line
+    curve[0], curve[-1] = cells[0], cells[-1]  # to the last bit
     return MonotoneCurve(curve[:, 0], curve[:, 1])
