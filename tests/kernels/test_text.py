@@ -1,6 +1,7 @@
 """The compiled reader of numbers takes what Python's `float` takes, and the NumPy path with it."""
 
 import math
+import re
 import struct
 from decimal import Decimal
 
@@ -200,6 +201,48 @@ def test_damaged_files_give_the_same_result_or_message_on_both_paths(tmp_path, t
     (tmp_path / "small.asf").write_text(ASF)
     compiled, numpy = both_ways(tmp_path / name)
     assert compiled == numpy
+
+
+PIECES = (
+    *(b"", b"\n", b" ", b"\t", b"\r", b"\x00", b"\x0b", b"\x1c", b"\xa0", b"\xef\xbb\xbf", b"#"),
+    *(b"-", b".", b"e", b"e-014", b"1_0", b"nan", b"\n2\n", b"root", b"9" * 25, b"0" * 400),
+)
+
+
+def damaged(data, random):
+    """The data with some bytes changed, lines doubled, or the end cut off."""
+    data = bytearray(data)
+    for _ in range(random.integers(1, 4)):
+        at = int(random.integers(0, len(data)))
+        kind = random.integers(0, 4)
+        if kind == 0:
+            data[at : at + int(random.integers(0, 5))] = PIECES[random.integers(0, len(PIECES))]
+        elif kind == 1:
+            data[at] ^= 1 << int(random.integers(0, 8))
+        elif kind == 2:
+            begin, end = data.rfind(b"\n", 0, at) + 1, data.find(b"\n", at) + 1
+            data[begin:begin] = data[begin:end]
+        elif random.random() < 0.2:
+            del data[at:]
+    return bytes(data)
+
+
+@pytest.mark.parametrize("pattern", ["hdm05/**/*.amc", "bandai/1/*.bvh"])
+def test_damaged_real_files_give_the_same_result_or_message_on_both_paths(
+    real_data, tmp_path, pattern
+):
+    source = min(real_data.glob(pattern), key=lambda path: path.stat().st_size)
+    lines = source.read_bytes().split(b"\n")
+    begin = next((i + 3 for i, line in enumerate(lines) if line.startswith(b"MOTION")), 0)
+    beginning = b"\n".join([*lines[: begin + (8 if begin else 100)], b""])
+    frames = re.sub(rb"(?m)^(Frames:\s*)\d+", rb"\g<1>8", beginning)
+    (tmp_path / "HDM_x.asf").write_bytes((real_data / "hdm05" / "HDM_bd.asf").read_bytes())
+    random = np.random.default_rng(5)
+    path = tmp_path / f"HDM_x_1{source.suffix}"
+    for _ in range(150):
+        path.write_bytes(damaged(frames, random))
+        compiled, numpy = both_ways(path)
+        assert compiled == numpy
 
 
 def test_real_files_are_the_same_bits_on_both_paths(real_data):
