@@ -1,7 +1,8 @@
 """Documents to one batch of a store: words, runs and inverted lists laid end to end."""
 
+import itertools
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,9 @@ from mocapidx.store.read import Snapshot
 from mocapidx.store.write import Batch
 
 __all__ = ["make_batch", "merged_batch", "small_files"]
+
+READ_FRAMES: Final = 1 << 15
+"""Frames that are read together: 9 MiB of poses."""
 
 
 def make_batch(
@@ -75,11 +79,10 @@ def merged_batch(
         If a file is damaged.
     """
     live = [entry for file in files for entry in file.placed() if entry.document.live]
-    words = [_rows(snapshot, entry, "frames/words") for entry in live]
+    words = list(_rows(snapshot, live, "frames/words"))
 
     def poses() -> Iterator[NDArray[np.float32]]:
-        for entry in live:
-            yield _rows(snapshot, entry, "frames/poses")
+        return _rows(snapshot, live, "frames/poses")
 
     return make_batch(
         [entry.document for entry in live],
@@ -89,9 +92,15 @@ def merged_batch(
     )
 
 
-def _rows(snapshot: Snapshot, entry: Placed, path: str) -> NDArray[Any]:
-    start = entry.frame_offset
-    return snapshot.array(entry.file, path, start, start + entry.document.frames)
+def _rows(snapshot: Snapshot, entries: Sequence[Placed], path: str) -> Iterator[NDArray[Any]]:
+    """Read rows of documents, neighbours at one go: what is read is checked by whole blocks."""
+    near = itertools.groupby(entries, lambda e: (e.file.number, e.frame_offset // READ_FRAMES))
+    for _, group in near:
+        some = list(group)
+        first, last = some[0].frame_offset, some[-1].frame_offset + some[-1].document.frames
+        rows = snapshot.array(some[0].file, path, first, last)
+        for entry in some:
+            yield rows[entry.frame_offset - first :][: entry.document.frames]
 
 
 def small_files(files: Sequence[SegmentFile], most_bytes: int) -> list[SegmentFile]:
