@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from mocapidx.model import FloatArray, PointRecording
+from mocapidx.model import FloatArray, PointRecording, Up
 from mocapidx.skeleton.bodychecks import (
     LONGEST_LEG,
     LOWER,
@@ -21,6 +21,7 @@ from mocapidx.skeleton.bodychecks import (
 )
 from mocapidx.skeleton.conventions import Conventions, Overrides
 from mocapidx.skeleton.markers import PointMapping, marker_joints
+from mocapidx.skeleton.quantiles import median
 from mocapidx.skeleton.rotations import upright
 
 __all__ = ["detect_point_conventions"]
@@ -28,7 +29,7 @@ __all__ = ["detect_point_conventions"]
 SAMPLES: Final = 64  # frames looked at, spread over those that show most
 # Hips told by markers at the waist lie that much above the joint, in metres.
 WAIST: Final = 0.15
-UPSIDE_DOWN: Final = -0.2  # metres that the head may be below the feet before it is odd
+LYING: Final = 0.4  # of the height along another axis: less is odd
 
 
 def detect_point_conventions(
@@ -58,11 +59,12 @@ def detect_point_conventions(
         or nearest_unit(limb_length(marker_joints(mapping, points, 1.0)))
     )
     poses = marker_joints(mapping, points, unit) * unit
-    up = said.up or recording.up or up_axis(poses)
+    stands = up_axis(poses)
+    up = said.up or recording.up or stands
+    height, standing = (_height(poses @ upright(axis).T) for axis in (up, stands))
+    odd = [] if said.up else _lying(up, stands, height, standing)
     poses = poses @ upright(up).T
     leg, cosine = leg_length(poses), facing(poses)
-    above = middle(poses, UPPER) - middle(poses, LOWER)
-    height = _median(above[:, 1])
     return Conventions(
         joint_map=mapping.marker_map.name,
         unit=unit,
@@ -79,7 +81,7 @@ def detect_point_conventions(
             f"({_reason(said.up, recording.up, 'guessed')})",
             _front(cosine),
         ),
-        warnings=(*recording.remarks, *_warnings(leg, height, cosine)),
+        warnings=(*recording.remarks, *odd, *_warnings(leg, cosine)),
     )
 
 
@@ -97,9 +99,21 @@ def _drops(recording: PointRecording, said: Overrides) -> bool:
     return said.keep_first_frame is False and len(recording.positions) > 1
 
 
-def _median(values: FloatArray) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if len(known) else np.nan
+def _height(poses: FloatArray) -> float:
+    """Return how high the body is, from its lowest to its highest known part, in metres."""
+    heights = (middle(poses, UPPER) - middle(poses, LOWER))[:, 1]
+    known = heights[np.isfinite(heights)]
+    return float(median(known)) if len(known) else np.nan
+
+
+def _lying(up: Up, stands: Up, height: float, standing: float) -> list[str]:
+    """Doubt the axis that a file says where the body lies or hangs in most of the take."""
+    if up == stands or not height < LYING * standing:
+        return []
+    return [
+        f"along {up}, which the file says is up, the body is {height:.2f} m high, along {stands} "
+        f"{standing:.2f} m: --up {stands}?"
+    ]
 
 
 def _reason(told: object, file: object, guess: str) -> str:
@@ -118,12 +132,10 @@ def _front(cosine: float) -> str:
     return f"facing: cosine of toes and front {cosine:.2f} (0.95 when map and sides are right)"
 
 
-def _warnings(leg: float, height: float, cosine: float) -> list[str]:
+def _warnings(leg: float, cosine: float) -> list[str]:
     warnings = []
     if np.isfinite(leg) and not SHORTEST_LEG <= leg <= LONGEST_LEG + WAIST:
         warnings.append(f"legs of {leg:.2f} m are no adult's: is the unit right?")
-    if height < UPSIDE_DOWN:
-        warnings.append(f"the body stands on its head ({height:.2f} m): is that axis up?")
     if cosine < 0:
         warnings.append("the toes point backwards: sides exchanged, or a mirrored axis system?")
     return warnings

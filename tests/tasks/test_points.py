@@ -173,6 +173,18 @@ def test_subjects_are_asked_for_where_there_are_several(clip, tmp_path):
     )
 
 
+def test_a_file_that_is_wrong_about_up_is_doubted(clip, tmp_path):
+    names, markers = markers_of(CANONICAL_JOINTS, read_motion(clip).positions)
+    path = tmp_path / "x.c3d"
+    path.write_bytes(c3d_bytes(names, 1000 * markers, 120.0, up="+Z"))
+    warning = read_take(path).conventions.warnings[0]
+    assert warning.startswith("along z, which the file says is up, the body is ")
+    assert warning.endswith("--up y?")
+    told = read_take(path, ReadOptions(up="y"))
+    assert told.conventions.warnings == ()
+    assert np.nanmedian(told.motion.positions[:, INDEX["head"], 1]) > 1.2
+
+
 def test_points_without_a_rate_need_one(clip, tmp_path):
     motion = read_motion(clip)
     np.savez(tmp_path / "x.npz", positions=motion.positions, joints=CANONICAL_JOINTS)
