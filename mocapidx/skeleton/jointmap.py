@@ -17,7 +17,8 @@ from mocapidx.errors import FeatureSetError, FormatError
 from mocapidx.model import BoolArray, Skeleton
 from mocapidx.printable import shown
 from mocapidx.skeleton.joints import CANONICAL_JOINTS, INDEX
-from mocapidx.toml_files import parse_toml, read_toml_text
+from mocapidx.skeleton.mapfile import check_joint, parse_map
+from mocapidx.toml_files import read_toml_text
 
 __all__ = [
     "Between",
@@ -30,7 +31,6 @@ __all__ = [
 ]
 
 OPTIONAL: Final = frozenset({"ltoes", "rtoes", "lfingers", "rfingers", "headtop"})
-KEYS: Final = frozenset({"name", "source", "strip", "needs", "lacks", "joints"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -257,24 +257,9 @@ def parse_joint_map(text: str, where: str) -> JointMap:
     FeatureSetError
         If the text is no joint map; the message names entry and key.
     """
-    table = parse_toml(text, where, FeatureSetError)
-    for key in table.keys() - KEYS:
-        raise FeatureSetError(f"{where}: unknown key '{shown(key)}', expected {_listed(KEYS)}")
-    strip = _text(table, "strip", where, default="")
-    try:
-        re.compile(strip)
-    except (re.error, RecursionError, OverflowError) as exc:
-        raise FeatureSetError(f"{where}: strip is no regular expression: {shown(exc)}") from exc
+    table, head = parse_map(text, where)
     joints, made = _joints(table.get("joints"), where)
-    return JointMap(
-        name=_text(table, "name", where),
-        source=_text(table, "source", where, default=""),
-        joints=joints,
-        made=made,
-        strip=strip,
-        needs=_names(table.get("needs", []), "needs", where),
-        lacks=_names(table.get("lacks", []), "lacks", where),
-    )
+    return JointMap(head.name, head.source, joints, made, head.strip, head.needs, head.lacks)
 
 
 def _joints(table: Any, where: str) -> tuple[dict[str, tuple[str, ...]], dict[str, Between]]:
@@ -283,10 +268,7 @@ def _joints(table: Any, where: str) -> tuple[dict[str, tuple[str, ...]], dict[st
     joints: dict[str, tuple[str, ...]] = {}
     made: dict[str, Between] = {}
     for joint, entry in table.items():
-        if joint not in INDEX:
-            raise FeatureSetError(
-                f"{where}: [joints] has '{shown(joint)}', expected {_listed(CANONICAL_JOINTS)}"
-            )
+        check_joint(joint, where)
         if isinstance(entry, dict):
             made[joint] = _between(entry, f"{where}: joint {joint}")
         else:
@@ -323,19 +305,6 @@ def _between(entry: dict[str, Any], where: str) -> Between:
 
 
 def _names(value: Any, key: str, where: str) -> tuple[str, ...]:
-    if not isinstance(value, list) or not all(isinstance(n, str) and n for n in value):
-        raise FeatureSetError(f"{where}: {key}: expected a name or a list of names")
-    if key.startswith("joint") and not value:
+    if not isinstance(value, list) or not value or not all(isinstance(n, str) and n for n in value):
         raise FeatureSetError(f"{where}: {key}: expected a name or a list of names")
     return tuple(value)
-
-
-def _text(table: dict[str, Any], key: str, where: str, default: str | None = None) -> str:
-    value = table.get(key, default)
-    if not isinstance(value, str) or (default is None and not value):
-        raise FeatureSetError(f"{where}: {key}: expected a text")
-    return value
-
-
-def _listed(names: Iterable[str]) -> str:
-    return ", ".join(sorted(names))

@@ -4,8 +4,7 @@ A joint is a weighted sum of points; some lie a little way from one point in the
 others. A map has several formulas for one joint where sets of markers differ, the best first.
 """
 
-import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -13,12 +12,11 @@ from typing import Any, Final
 
 from mocapidx.errors import FeatureSetError
 from mocapidx.printable import shown
-from mocapidx.skeleton.joints import INDEX
-from mocapidx.toml_files import parse_toml, read_toml_text
+from mocapidx.skeleton.mapfile import check_joint, parse_map
+from mocapidx.toml_files import read_toml_text
 
 __all__ = ["Formula", "MarkerMap", "load_marker_map", "parse_marker_map", "shipped_marker_maps"]
 
-KEYS: Final = frozenset({"name", "source", "strip", "needs", "lacks", "points", "joints"})
 FORMS: Final = frozenset({"mean", "sum", "between"})
 MOST_WEIGHT: Final = 10.0
 
@@ -142,30 +140,14 @@ def parse_marker_map(text: str, where: str) -> MarkerMap:
     FeatureSetError
         If the text is no marker map; the message names entry and key.
     """
-    table = parse_toml(text, where, FeatureSetError)
-    for key in table.keys() - KEYS:
-        raise FeatureSetError(f"{where}: unknown key '{shown(key)}', expected {_listed(KEYS)}")
-    name, source, strip = (table.get(key, "") for key in ("name", "source", "strip"))
-    if not (isinstance(name, str) and isinstance(source, str) and isinstance(strip, str) and name):
-        raise FeatureSetError(f"{where}: name, source and strip: expected texts, name not empty")
-    try:
-        re.compile(strip)
-    except (re.error, RecursionError, OverflowError) as exc:
-        raise FeatureSetError(f"{where}: strip is no regular expression: {shown(exc)}") from exc
+    table, head = parse_map(text, where, ("points",))
     joints = _section(table, "joints", where)
-    for joint in joints.keys() - INDEX.keys():
-        raise FeatureSetError(f"{where}: [joints] has '{shown(joint)}', expected {_listed(INDEX)}")
+    for joint in joints:
+        check_joint(joint, where)
     if not joints:
         raise FeatureSetError(f"{where}: [joints] is missing or empty")
-    return MarkerMap(
-        name=name,
-        source=source,
-        points=_section(table, "points", where),
-        joints=joints,
-        strip=strip,
-        needs=_names(table.get("needs", []), f"{where}: needs"),
-        lacks=_names(table.get("lacks", []), f"{where}: lacks"),
-    )
+    points = _section(table, "points", where)
+    return MarkerMap(head.name, head.source, points, joints, head.strip, head.needs, head.lacks)
 
 
 def _section(table: dict[str, Any], key: str, where: str) -> dict[str, tuple[Formula, ...]]:
@@ -245,7 +227,3 @@ def _names(value: Any, where: str) -> tuple[str, ...]:
     if not isinstance(value, list) or not all(isinstance(n, str) and n for n in value):
         raise FeatureSetError(f"{where}: expected a list of names")
     return tuple(value)
-
-
-def _listed(names: Iterable[str]) -> str:
-    return ", ".join(sorted(names))
