@@ -291,15 +291,17 @@ def best(
     ]
     spans = np.concatenate([answer.spans for answer in answers])
     costs = np.concatenate([answer.costs for answer in answers])
-    rows = [(answer, row) for answer in answers for row in range(len(answer.documents))]
+    ends = np.cumsum([len(answer.documents) for answer in answers])
     chosen: list[Chosen] = []
     seen = _Apart() if apart else _Different()
-    for place in ranking_order(costs, names, spans[:, 0], spans[:, 1]).tolist():
+    for place in ranking_order(costs, names, spans[:, 0], spans[:, 1]):
         if top is not None and len(chosen) >= top:
             break
         start, end = spans[place].tolist()
         if seen.takes(names[place], start, end):
-            answer, row = rows[place]
+            owner = int(np.searchsorted(ends, place, "right"))
+            answer = answers[owner]
+            row = int(place - ends[owner]) + len(answer.documents)
             document = answer.place.file.documents[answer.documents[row]]
             cost = float(costs[place])
             hit = make_hit(document, start, end, archive.rate, cost, answer.label)
