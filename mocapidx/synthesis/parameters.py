@@ -293,7 +293,7 @@ def _number(
     if what == "height":
         result = own[0][:, 1]
     elif what == "speed":
-        result = np.linalg.norm(np.gradient(own[0], times, axis=0), axis=1)
+        result = np.linalg.norm(np.gradient(own[0], times, axis=0, edge_order=2), axis=1)
     elif what == "distance":
         result = np.linalg.norm(own[0] - own[1], axis=1)
     elif what == "angle":
