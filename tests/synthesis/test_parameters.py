@@ -38,7 +38,7 @@ def table(**entries):
         ({"joint": '"rankle"', "relative_to": '"root"', "when": '"end"', "axes": '"z"'}, [1.0]),
         ({"joint": '"root"', "what": '"height"', "when": '"min"'}, [0.8]),
         ({"joint": '"root"', "what": '"height"', "when": '"mean"'}, [1 - 0.4 / np.pi]),
-        ({"joint": '"rankle"', "what": '"speed"', "when": '"start"'}, [np.hypot(0.5, 1.435)]),
+        ({"joint": '"rankle"', "what": '"speed"', "when": '"start"'}, [np.hypot(0.5, 1.46)]),
         ({"joint": '"rhip"', "what": '"distance"', "from": '"lhip"', "when": '"end"'}, [0.2]),
         (
             {"joint": '"rknee"', "what": '"angle"', "between": '["rhip", "rankle"]', "when": "1"},
