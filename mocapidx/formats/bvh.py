@@ -5,10 +5,12 @@ right in the order of its channels; whether a position channel adds to the joint
 replaces it, what is up and how long a unit is, the file does not say.
 """
 
+import io
 import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
@@ -19,7 +21,7 @@ from mocapidx.formats.numbers import find_tokens, parse_number, parse_numbers
 from mocapidx.formats.table import FrameTable
 from mocapidx.formats.text import Limits, TextFile, decoded, open_text, place
 from mocapidx.kernels.choice import compiled
-from mocapidx.model import FloatArray, Recording, Skeleton
+from mocapidx.model import FloatArray, IndexArray, Recording, Skeleton
 from mocapidx.printable import shown
 
 __all__ = ["read_bvh"]
@@ -81,22 +83,25 @@ class _Bvh:
     nodes: list[_Node] = field(default_factory=list)
 
     def recording(self) -> Recording:
-        self._read_hierarchy()
+        rig = self._rig()
         frames, rate = self._read_motion_header()
-        columns = [(i, k) for i, n in enumerate(self.nodes) for k in n.channels or ()]
-        kinds = np.array([k for _, k in columns], dtype=np.int64)
-        values = self._read_rows(np.where(kinds >= 3, np.pi / 180, 1.0))
+        values = self._read_rows(np.where(rig.kinds >= 3, np.pi / 180, 1.0))
         if len(values) != frames:
             hint = "; is the file cut off?" if len(values) < frames else ""
             raise self._error(f"says {frames} frames, has {len(values)}{hint}", line=None)
-        skeleton = Skeleton(
-            names=tuple(n.name for n in self.nodes),
-            parents=np.array([n.parent for n in self.nodes], dtype=np.int64),
-            offsets=np.array([n.offset for n in self.nodes], dtype=np.float64),
-            turned_by="parent",
-        )
-        nodes = np.array([i for i, _ in columns], dtype=np.int64)
-        return Recording(skeleton, nodes, kinds, values, rate=rate, unit=None)
+        return Recording(rig.skeleton, rig.nodes, rig.kinds, values, rate=rate, unit=None)
+
+    def _rig(self) -> "_Rig":
+        """Read the hierarchy; takes of one actor often have the same, letter by letter."""
+        self._has_more()
+        end = self.data.find(b"\n", self.data.find(b"MOTION")) + 1
+        hierarchy = self.data[:end]
+        try:
+            rig = _rig_of(hierarchy, self.limits)
+        except FormatError:  # which doesn't know what file it is about
+            return self.read_hierarchy()
+        self.at, self.line = end, hierarchy.count(b"\n")
+        return rig
 
     def _error(self, message: str, line: int | None = 0) -> FormatError:
         return FormatError(f"{place(self.path, self.line if line == 0 else line)}: {message}")
@@ -129,7 +134,20 @@ class _Bvh:
                 if part.strip():
                     yield part.strip()
 
-    def _read_hierarchy(self) -> None:
+    def read_hierarchy(self) -> "_Rig":
+        """Read up to the line of MOTION."""
+        self._read_nodes()
+        columns = [(i, k) for i, n in enumerate(self.nodes) for k in n.channels or ()]
+        nodes, kinds = np.array(columns, dtype=np.int64).reshape(-1, 2).T
+        skeleton = Skeleton(
+            names=tuple(n.name for n in self.nodes),
+            parents=np.array([n.parent for n in self.nodes], dtype=np.int64),
+            offsets=np.array([n.offset for n in self.nodes], dtype=np.float64),
+            turned_by="parent",
+        )
+        return _Rig(skeleton, np.ascontiguousarray(nodes), np.ascontiguousarray(kinds))
+
+    def _read_nodes(self) -> None:
         first = self._next_line()
         if first is None or first.upper() != b"HIERARCHY":
             raise self._error("not a BVH file: line 1 is not HIERARCHY", line=None)
@@ -285,6 +303,25 @@ class _Bvh:
                 line=self.line + int(wrong[0]) + 1,
             )
         return values.reshape(-1, width)
+
+
+@dataclass(frozen=True, slots=True)
+class _Rig:
+    """A skeleton, and the node and the kind of each channel."""
+
+    skeleton: Skeleton
+    nodes: IndexArray
+    kinds: IndexArray
+
+
+@lru_cache(maxsize=16)
+def _rig_of(hierarchy: bytes, limits: Limits) -> _Rig:
+    """Read a hierarchy that ends with the line of MOTION; FormatError if it doesn't."""
+    bvh = _Bvh(Path(), TextFile(Path(), io.BytesIO(), 0), limits, hierarchy)
+    rig = bvh.read_hierarchy()
+    if bvh.at != len(hierarchy):
+        raise FormatError("MOTION stands earlier")
+    return rig
 
 
 def _rate(text: bytes, seconds: float) -> float:
