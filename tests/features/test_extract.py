@@ -286,5 +286,5 @@ def test_lengths_come_from_the_zero_pose_where_there_is_one():
 
 
 def test_an_unknown_set_is_named():
-    with pytest.raises(FeatureSetError, match="'f40' is neither a shipped feature set"):
+    with pytest.raises(FeatureSetError, match="f40: no such file; shipped sets are"):
         extract_features(random_motion(0, frames=2), "f40")

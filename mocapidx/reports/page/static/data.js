@@ -61,7 +61,19 @@ function facing(pose) {
 /** A stretch to be played: frames [start, end) of a piece, and the body that moves there. */
 function makeClip(piece, start, end, body) {
   const pose = poseAt(piece, start);
-  return { piece, start, end, size: body.size, floor: body.floor, facing: facing(pose) };
+  const top = topOf(piece, start, end) - body.floor;
+  return { piece, start, end, top, size: body.size, floor: body.floor, facing: facing(pose) };
+}
+
+/** How high the highest joint comes, in metres; looked at a hundred times at most. */
+function topOf(piece, start, end) {
+  const pose = new Float32Array(3 * data.joints.length);
+  let top = -Infinity;
+  for (let frame = start; frame < end; frame += Math.max(1, (end - start) / 100)) {
+    poseAt(piece, frame, pose);
+    for (let i = 1; i < pose.length; i += 3) if (pose[i] > top) top = pose[i];
+  }
+  return top;
 }
 
 function pieceOf(hit) {

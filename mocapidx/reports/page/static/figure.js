@@ -1,5 +1,6 @@
 // Skeletons on a floor. One renderer draws for all: off the page, copied to where it is seen.
 
+const ABOVE = 0.3; // metres left free above the highest joint
 const HEIGHT_SEEN = 2.2; // metres from the lower to the upper edge of a view
 const FIELD = 26; // degrees
 const GRID = 0.5; // metres between lines of the floor
@@ -221,10 +222,11 @@ class Studio {
 
   look(clip, [x, z], azimuth, view, aspect, beside) {
     const wide = (beside ? 2.7 : 1.7) / aspect;
-    const seen = Math.max(HEIGHT_SEEN, wide) * clip.size * view.distance;
+    const tall = Math.max(HEIGHT_SEEN * clip.size, clip.top + ABOVE);
+    const seen = Math.max(tall, wide * clip.size) * view.distance;
     const away = seen / 2 / Math.tan((FIELD / 2) * (Math.PI / 180));
     const level = Math.cos(view.elevation) * away;
-    const height = 0.9 * clip.size;
+    const height = 0.9 * clip.size + (tall - HEIGHT_SEEN * clip.size) / 2;
     this.camera.aspect = aspect;
     const above = height + Math.sin(view.elevation) * away;
     this.camera.position.set(x + Math.sin(azimuth) * level, above, z + Math.cos(azimuth) * level);
