@@ -150,7 +150,8 @@ def _read_with_numpy(text: bytes, first: int, layout: Layout, table: FrameTable)
         return 0, 0
     tokens = find_tokens(text)
     odd = (tokens.text < ord(" ")) & ((tokens.text < ord("\t")) | (tokens.text > ord("\r")))
-    if odd.any() or len(tokens.starts) % layout.width or not _has_lines(tokens, layout):
+    count = len(tokens.starts)
+    if odd.any() or not count or count % layout.width or not _has_lines(tokens, layout):
         return 0, 0
     starts, ends = (a.reshape(-1, layout.width) for a in (tokens.starts, tokens.ends))
     lines = layout.line_columns
@@ -172,17 +173,25 @@ def _read_with_numpy(text: bytes, first: int, layout: Layout, table: FrameTable)
 
 def _has_lines(tokens: Tokens, layout: Layout) -> bool:
     """Whether a line begins at every frame number and every bone, and nowhere else."""
-    begun = np.searchsorted(tokens.starts, np.flatnonzero(tokens.text == ord("\n")))
-    begun = np.unique(begun[(begun > 0) & (begun < len(tokens.starts))])
     frames = np.arange(0, len(tokens.starts), layout.width)[:, None]
-    return np.array_equal(begun, (frames + layout.line_columns).ravel()[1:])
+    begun = (frames + layout.line_columns).ravel()[1:]
+    ends = tokens.text[: tokens.ends[-1]] == ord("\n")
+    blank_lines = np.count_nonzero(ends[tokens.starts[0] :]) - len(begun)
+    if not blank_lines and ends[tokens.starts[begun] - 1].all():
+        return True
+    found = np.searchsorted(tokens.starts, np.flatnonzero(ends))
+    return np.array_equal(np.unique(found[found > 0]), begun)
 
 
 def _has_numbers(tokens: Tokens, starts: IndexArray, ends: IndexArray, first: int) -> bool:
-    words = (
-        tokens.text[i:j].tobytes() for i, j in zip(starts.tolist(), ends.tolist(), strict=True)
-    )
-    return all(FRAME_NUMBER.fullmatch(w) and int(w) == i for i, w in enumerate(words, first))
+    """Whether these words are the numbers from `first` on, without zeros before them."""
+    expected = [b"%d" % i for i in range(first, first + len(starts))]
+    lengths = np.array([len(word) for word in expected])
+    if (ends - starts != lengths).any():
+        return False
+    before = np.cumsum(lengths) - lengths
+    letters = np.repeat(starts - before, lengths) + np.arange(lengths.sum())
+    return bool(tokens.text[letters].tobytes() == b"".join(expected))
 
 
 def _has_names(

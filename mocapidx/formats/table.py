@@ -28,6 +28,7 @@ class FrameTable:
 
     def __init__(self, targets: IndexArray, scales: FloatArray) -> None:
         self._targets, self._scales = targets, scales
+        self._order = np.argsort(targets)
         self._values: FloatArray = np.empty((max(STEP // len(targets), 2), len(targets)))
         self.frames = 0
 
@@ -53,7 +54,8 @@ class FrameTable:
         end = self.frames + len(numbers)
         if end > len(self._values):
             self._grow(end)
-        self._values[self.frames : end, self._targets] = numbers * self._scales
+        room = self._values[self.frames : end]
+        np.take(numbers * self._scales, self._order, axis=1, out=room, mode="clip")
         self.frames = end
 
     def scan(self, read: Reader, text: bytes, at: int, *layout: Any) -> tuple[int, int]:
