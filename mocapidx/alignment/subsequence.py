@@ -37,6 +37,9 @@ NO_FRAMES = np.empty(0, dtype=np.int64)
 LEVEL: str | None = None
 """The instructions that the kernel uses: by default the fastest that this processor has."""
 
+MOST_TRACED: Final = 1024
+"""Rows of a template whose sums the kernel keeps to find the way back through them."""
+
 FRAMES_A_THREAD: Final = 1 << 15
 """With fewer, a thread takes longer to start than to do its share."""
 
@@ -265,6 +268,16 @@ def subsequence_starts(
         As `subsequence_costs`.
     """
     _check(ones, steps)
+    kernel = compiled("matching")
+    if kernel is not None and len(ones) <= MOST_TRACED:
+        given = [np.ascontiguousarray(each, dtype=np.uint64) for each in (ones, care, words)]
+        frames = [
+            np.ascontiguousarray(each, dtype=np.int64)
+            for each in (NO_FRAMES if breaks is None else breaks, ends)
+        ]
+        traced = np.empty(len(ends), dtype=np.int64)
+        kernel.starts(*given, frames[0], steps == "weighted", frames[1], traced, LEVEL)
+        return traced
     window = 2 * len(ones) - 1
     # Only the frames that matches with these ends can touch; what else comes to stand side by
     # side there is farther from every end than a match is long.

@@ -248,6 +248,13 @@ static Bytes bytes_of(uint64_t ones, uint64_t care)
     return row;
 }
 
+static void cut_planes(Room *room, const uint64_t *words, Py_ssize_t frames)
+{
+    for (int plane = 0; plane < PLANES; plane++)
+        for (Py_ssize_t t = 0; t < frames; t++)
+            room->planes[plane][t] = (uint8_t)(words[t] >> 8 * plane);
+}
+
 /* The first of ascending numbers that is not below a limit; stays inside whatever they are. */
 static Py_ssize_t first_from(const int64_t *numbers, Py_ssize_t low, Py_ssize_t high, int64_t limit)
 {
@@ -347,9 +354,7 @@ static int match_frames(const Matching *matching, Py_ssize_t begin, Py_ssize_t e
         const int wanted = start >= begin;
         const Py_ssize_t stop = wanted ? end : begin;
         const Py_ssize_t frames = stop - start < BLOCK ? stop - start : BLOCK;
-        for (int plane = 0; plane < PLANES; plane++)
-            for (Py_ssize_t t = 0; t < frames; t++)
-                room->planes[plane][t] = (uint8_t)(matching->words[start + t] >> 8 * plane);
+        cut_planes(room, matching->words + start, frames);
         for (Py_ssize_t m = 0; m < matching->templates; m++)
             match_block(matching, m, start, frames, wanted, level, room,
                         carried + matching->bounds[m]);
@@ -358,6 +363,79 @@ static int match_frames(const Matching *matching, Py_ssize_t begin, Py_ssize_t e
     free(memory);
     free(carried);
     return 0;
+}
+
+/* The first frame of the best match of the first template that ends at a frame, or -1: all sums in
+   reach of it, and the way back through them. `sums` has rows of `stride` values, one more than the
+   template, and all that this function doesn't write is infinite. */
+static int64_t find_start(const Matching *matching, Py_ssize_t end, const Level *level, Room *room,
+                          float *sums, Py_ssize_t stride)
+{
+    const Py_ssize_t rows = (Py_ssize_t)matching->bounds[1];
+    const Py_ssize_t reach = 2 * (rows - 1), low = end > reach ? end - reach : 0;
+    const Py_ssize_t frames = end - low + 1;
+    const uint64_t *words = matching->words + low;
+    float *first_row = sums + stride + BEFORE;
+    cut_planes(room, words, frames);
+    const Py_ssize_t break_count = (Py_ssize_t)matching->break_bounds[1];
+    const Py_ssize_t first_break = first_from(matching->breaks, 0, break_count, low);
+    for (Py_ssize_t k = 0; k < rows; k++) {
+        float *here = first_row + k * stride;
+        const Bytes row = bytes_of(matching->ones[k], matching->care[k]);
+        level->count(room, &row, room->counts, frames);
+        level->add_row(room->counts, bits_set(matching->care[k]), k ? here - stride : NULL,
+                       k ? here - 2 * stride : NULL, here, frames, matching->weighted);
+        for (Py_ssize_t i = first_break; i < break_count && matching->breaks[i] <= end; i++)
+            if (matching->breaks[i] >= low)
+                here[matching->breaks[i] - low] = INFINITY;
+    }
+    Py_ssize_t k = rows - 1, t = frames - 1;
+    if (isinf(first_row[k * stride + t]))
+        return -1;
+    while (k > 0 && t >= 0) {
+        const float *up = first_row + (k - 1) * stride + t, *two_up = up - stride;
+        float skipped = two_up[-1], best = up[-1];
+        if (matching->weighted) {
+            const uint64_t care = matching->care[k];
+            const Reciprocal share = reciprocal(bits_set(care));
+            const float n = (float)bits_set((words[t] ^ matching->ones[k]) & care);
+            skipped += n * share.high + n * share.low;
+        }
+        int up_by = 1, left_by = 1;
+        if (up[-2] < best) {
+            best = up[-2];
+            left_by = 2;
+        }
+        if (skipped < best) {
+            up_by = 2;
+            left_by = 1;
+        }
+        k -= up_by;
+        t -= left_by;
+    }
+    return k == 0 && t >= 0 ? low + t : -1;
+}
+
+/* Fill the starts of the matches that end at some frames; -1 without memory. */
+static int find_starts(const Matching *matching, const int64_t *ends, Py_ssize_t count,
+                       int64_t *starts, const Level *level)
+{
+    const Py_ssize_t rows = (Py_ssize_t)matching->bounds[1], stride = BEFORE + 2 * rows;
+    const size_t values = (size_t)(rows + 1) * (size_t)stride;
+    void *memory = malloc(sizeof(Room) + 64);
+    float *sums = malloc(values * sizeof *sums);
+    if (memory && sums) {
+        Room *room = (Room *)(((uintptr_t)memory + 63) & ~(uintptr_t)63);
+        memset(room, 0, sizeof *room);
+        for (size_t i = 0; i < values; i++)
+            sums[i] = INFINITY;
+        for (Py_ssize_t i = 0; i < count; i++)
+            starts[i] = find_start(matching, (Py_ssize_t)ends[i], level, room, sums, stride);
+    }
+    const int failed = !memory || !sums;
+    free(memory);
+    free(sums);
+    return -failed;
 }
 
 /* Whether numbers divide `total` things into consecutive parts, each of at least `least`. */
@@ -446,7 +524,73 @@ done:
     return result;
 }
 
+PyDoc_STRVAR(starts_doc,
+"starts(ones, care, words, breaks, weighted, ends, starts, level)\n"
+"--\n\n"
+"Fill starts (int64) with the first frames of the best matches of one template that end at some\n"
+"frames (int64), -1 for none.\n\n"
+"The template has at most 1,024 rows; all else is as for match().");
+
+static PyObject *starts(PyObject *module, PyObject *arguments)
+{
+    (void)module;
+    PyObject *objects[6];
+    int weighted;
+    const char *level_name;
+    if (!PyArg_ParseTuple(arguments, "OOOOpOOz:starts", &objects[0], &objects[1], &objects[2],
+                          &objects[3], &weighted, &objects[4], &objects[5], &level_name))
+        return NULL;
+    const int level = take_level(level_name);
+    if (level < 0)
+        return NULL;
+    Array ones = {0}, care = {0}, words = {0}, breaks = {0}, ends = {0}, found = {0};
+    PyObject *result = NULL;
+    if (take_array(objects[0], &ones, "ones", UINT64, 8, 0) < 0 ||
+        take_array(objects[1], &care, "care", UINT64, 8, 0) < 0 ||
+        take_array(objects[2], &words, "words", UINT64, 8, 0) < 0 ||
+        take_array(objects[3], &breaks, "breaks", INT64, 8, 0) < 0 ||
+        take_array(objects[4], &ends, "ends", INT64, 8, 0) < 0 ||
+        take_array(objects[5], &found, "starts", INT64, 8, 1) < 0)
+        goto done;
+    int fit = ones.length && ones.length <= BLOCK / 2 && care.length == ones.length &&
+              found.length == ends.length;
+    for (Py_ssize_t i = 0; fit && i < ends.length; i++) {
+        const int64_t end = ((const int64_t *)ends.view.buf)[i];
+        fit = end >= 0 && end < words.length;
+    }
+    if (!fit) {
+        PyErr_SetString(PyExc_ValueError, "the arrays don't fit each other");
+        goto done;
+    }
+    const int64_t bounds[2] = {0, ones.length}, break_bounds[2] = {0, breaks.length};
+    const Matching matching = {
+        .ones = ones.view.buf,
+        .care = care.view.buf,
+        .bounds = bounds,
+        .templates = 1,
+        .words = words.view.buf,
+        .frames = words.length,
+        .breaks = breaks.view.buf,
+        .break_bounds = break_bounds,
+        .weighted = weighted,
+    };
+    int failed;
+    Py_BEGIN_ALLOW_THREADS
+    failed = find_starts(&matching, ends.view.buf, ends.length, found.view.buf, &levels[level]);
+    Py_END_ALLOW_THREADS
+    result = failed ? PyErr_NoMemory() : Py_NewRef(Py_None);
+done:
+    release_array(&ones);
+    release_array(&care);
+    release_array(&words);
+    release_array(&breaks);
+    release_array(&ends);
+    release_array(&found);
+    return result;
+}
+
 static PyMethodDef functions[] = {
+    {"starts", starts, METH_VARARGS, starts_doc},
     {"match", match, METH_VARARGS, match_doc},
     {"levels", name_levels, METH_NOARGS, LEVELS_DOC},
     {NULL, NULL, 0, NULL},

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mocapidx.alignment import subsequence
-from mocapidx.alignment.subsequence import many_subsequence_costs
+from mocapidx.alignment.subsequence import many_subsequence_costs, subsequence_starts
 
 KERNEL = pytest.importorskip("mocapidx.kernels._matching", reason="the kernels weren't built")
 LEVELS = KERNEL.levels()
@@ -69,6 +69,73 @@ def test_every_level_has_the_bits_of_numpy(
     case = made(seed, rows, frames, features, share_of_breaks)
     ours, theirs = in_c(level, *case, weighted), in_numpy(*case, weighted)
     np.testing.assert_array_equal(bits_of(ours), bits_of(theirs))
+
+
+@pytest.mark.parametrize("weighted", STEPS)
+@settings(max_examples=40, deadline=None)
+@given(
+    seed=st.integers(0, 2**32),
+    rows=st.integers(1, 40),
+    frames=st.integers(1, 200),
+    features=st.sampled_from((1, 3, 39, 64)),
+    share_of_breaks=st.sampled_from((0.0, 0.02, 0.2)),
+)
+def test_every_level_finds_the_starts_of_numpy(
+    level, weighted, seed, rows, frames, features, share_of_breaks
+):
+    templates, words, breaks = made(seed, [rows], frames, features, share_of_breaks)
+    ends = np.random.default_rng(seed).integers(0, frames, 30)
+    case = *templates[0], words, ends, breaks[0], STEPS[weighted]
+    found = []
+    for kernel in (KERNEL, None):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(subsequence, "LEVEL", level)
+            patch.setattr(subsequence, "compiled", lambda name, kernel=kernel: kernel)
+            found.append(subsequence_starts(*case))
+    np.testing.assert_array_equal(*found)
+
+
+def test_starts_of_long_templates_are_found_too(level, monkeypatch):
+    monkeypatch.setattr(subsequence, "LEVEL", level)
+    for rows in (subsequence.MOST_TRACED, subsequence.MOST_TRACED + 1):
+        (template,), words, _ = made(7, [rows], 2100, 39)
+        ours, theirs = [], []
+        for kernel, found in ((KERNEL, ours), (None, theirs)):
+            monkeypatch.setattr(subsequence, "compiled", lambda name, kernel=kernel: kernel)
+            found.append(subsequence_starts(*template, words, np.array([2099, 600, 100])))
+        np.testing.assert_array_equal(ours, theirs)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"ones": np.zeros(0, np.uint64), "care": np.zeros(0, np.uint64)},
+        {"ones": np.zeros(1025, np.uint64), "care": np.zeros(1025, np.uint64)},
+        {"care": np.zeros(2, np.uint64)},
+        {"words": np.zeros(9, np.int64)},
+        {"breaks": np.zeros(2, np.int32)},
+        {"ends": np.array([3, 9])},
+        {"ends": np.array([-1, 3])},
+        {"ends": np.array([3, 4, 5])},
+        {"starts": np.zeros(2, np.uint64)},
+        {"level": "avx1024"},
+    ],
+    ids=str,
+)
+def test_wrong_arguments_for_starts_are_refused(changes):
+    right = {
+        "ones": np.zeros(3, np.uint64),
+        "care": np.zeros(3, np.uint64),
+        "words": np.zeros(9, np.uint64),
+        "breaks": np.array([99, -4]),
+        "weighted": True,
+        "ends": np.array([3, 8]),
+        "starts": np.zeros(2, np.int64),
+        "level": None,
+    }
+    assert KERNEL.starts(*right.values()) is None
+    with pytest.raises((TypeError, ValueError, BufferError)):
+        KERNEL.starts(*(right | changes).values())
 
 
 def test_quotients_are_rounded_as_division_rounds_them(level):
