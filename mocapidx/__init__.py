@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from mocapidx.store.read import open_store
     from mocapidx.tasks.align import align_motions
     from mocapidx.tasks.annotate import annotate_motion
+    from mocapidx.tasks.blend import fit_blend_space, make_motion
     from mocapidx.tasks.doctor import examine
     from mocapidx.tasks.export import export_clips
     from mocapidx.tasks.index import compact_store, index_files
@@ -49,11 +50,13 @@ __all__ = [
     "export_transcripts",
     "extract_features",
     "find_labels",
+    "fit_blend_space",
     "index_files",
     "learn_classes",
     "learn_feature",
     "load_feature_set",
     "load_templates",
+    "make_motion",
     "make_report",
     "merge_stores",
     "open_store",
@@ -81,12 +84,14 @@ _HOMES = {
     "export_transcripts": "tasks.transcribe:export_transcripts",
     "examine": "tasks.doctor:examine",
     "extract_features": "features.extract:extract_features",
+    "fit_blend_space": "tasks.blend:fit_blend_space",
     "find_labels": "tasks.learn:find_labels",
     "index_files": "tasks.index:index_files",
     "learn_classes": "tasks.learn:learn_classes",
     "learn_feature": "tasks.learn_thresholds:learn_feature",
     "load_feature_set": "features.featureset:load_feature_set",
     "load_templates": "templates.file:load_templates",
+    "make_motion": "tasks.blend:make_motion",
     "make_report": "tasks.report:make_report",
     "merge_stores": "tasks.merge:merge_stores",
     "open_store": "store.read:open_store",

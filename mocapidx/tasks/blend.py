@@ -282,9 +282,13 @@ def made_summary(made: Made) -> str:
     )
     if np.isnan(made.aim.miss):
         return f"{text} examples; what they reach is not known without --parameter"
+    unit = " m" if set(made.space.units) == {"m"} else ""
     if made.is_out_of_reach:
-        return f"{text} examples; out of reach: this is on the border, {made.aim.miss:.3f} away"
-    return f"{text} examples; off by {made.aim.miss:.4f}"
+        return (
+            f"{text} examples; out of reach: this is on the border of the accessible region, "
+            f"{made.aim.miss:.3f}{unit} away"
+        )
+    return f"{text} examples; off by {made.aim.miss:.4f}{unit}"
 
 
 def example_records(space: BlendSpace) -> Iterator[Record]:
