@@ -17,6 +17,9 @@ __all__ = ["adaptive_hits"]
 COMMON = 64
 """If more than one in so many runs may start the rarest step, all runs are passed over."""
 
+WALK = 3
+"""A chain of the rarest step takes about so many looks at runs before it breaks off."""
+
 
 def adaptive_hits(query: FuzzyQuery, source: Source) -> IndexArray:
     """Find the adaptive fuzzy hits of a sequence of sets.
@@ -69,7 +72,7 @@ def _walking_is_quicker(
     parts: Sequence[PartSource], tables: Sequence[BoolArray], rarest: int
 ) -> bool:
     """Tell whether to look up what is around the runs of the rarest step, or to list all steps."""
-    walking = sum(part.lookup_cost(rarest * len(tables[0])) for part in parts)
+    walking = sum(part.lookup_cost(rarest * WALK) for part in parts)
     listing = sum(
         part.stretches_cost(row) for part, rows in zip(parts, tables, strict=True) for row in rows
     )

@@ -50,7 +50,7 @@ def _shifted_intersection(query: FuzzyQuery, part: PartSource) -> IndexArray:
     if not counts[order[0]]:
         return np.zeros((0, len(query.steps) + 1), np.int64)
     others = np.any(admitted[order[1:]], axis=0)
-    if part.lookup_cost(int(counts[order[0]]) * len(order)) < part.listing_cost(others):
+    if part.lookup_cost(int(counts[order[0]])) < part.listing_cost(others):
         hits = _by_table(part, admitted, order)
     else:
         hits = _by_lists(part, admitted, order)

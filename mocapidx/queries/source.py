@@ -142,7 +142,10 @@ class PartSource:
         return len(self.words) + (0 if known else READ_COST * self.words.unread(len(self.words)))
 
     def lookup_cost(self, runs: int) -> float:
-        """Estimate what it takes to look up the words of so many runs, one by one."""
+        """Estimate what it takes to look up the words of so many runs and of what goes on there.
+
+        Few of them are still looked at after the first step.
+        """
         cost = LOOKUP_COST * runs
         known = "ranks" in self.__dict__
         return cost if known else cost + READ_COST * self.words.unread(runs)
