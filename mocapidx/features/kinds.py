@@ -54,6 +54,8 @@ class Kind:
         Other orders of the joints that give the same value.
     of_all : bool
         Whether all joints of a pose count, not only those that the formula names.
+    needs : tuple of str
+        Of these, joints without which the lowest, highest or farthest one would be another.
     """
 
     value: Callable[..., FloatArray]
@@ -63,6 +65,7 @@ class Kind:
     mirror: tuple[int, ...] = ()
     same: tuple[tuple[int, ...], ...] = ()
     of_all: bool = False
+    needs: tuple[str, ...] = ()
 
 
 def _plane(poses: Poses, j1: Joints, j2: Joints, j3: Joints, j4: Joints) -> FloatArray:
@@ -144,6 +147,8 @@ _CYCLIC = ((1, 2, 0), (2, 0, 1))
 _DIFFERENCES = ((0, 1), (2, 3))
 _BOTH_TURNED = (1, 0, 3, 2)
 
+_FEET: Final = ("lankle", "rankle")
+
 KINDS: Final[dict[str, Kind]] = {
     "plane": Kind(
         _plane,
@@ -185,8 +190,8 @@ KINDS: Final[dict[str, Kind]] = {
         same=((1, 0, 2, 3), (0, 1, 3, 2), _BOTH_TURNED),
     ),
     "fast": Kind(_fast, 1, "speed"),
-    "height": Kind(_height, 1, "length", of_all=True),
+    "height": Kind(_height, 1, "length", of_all=True, needs=_FEET),
     "touch": Kind(_touch, 2, "length", apart=((0, 1),), same=((1, 0),)),
-    "extent_y": Kind(_extent_y, 0, "length", of_all=True),
-    "extent_xz": Kind(_extent_xz, 0, "length", of_all=True),
+    "extent_y": Kind(_extent_y, 0, "length", of_all=True, needs=(*_FEET, "head")),
+    "extent_xz": Kind(_extent_xz, 0, "length", of_all=True, needs=(*_FEET, "head")),
 }

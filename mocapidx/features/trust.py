@@ -1,6 +1,6 @@
 """What a motion's joints can be trusted to tell: lengths of the body and sound features."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from typing import Final, NamedTuple
 
@@ -24,6 +24,15 @@ LENGTHS: Final = {
     "hw": (("lhip", "rhip"),),
 }
 
+LEGS: Final = (
+    (("lhip", "lknee"), ("lknee", "lankle")),
+    (("rhip", "rknee"), ("rknee", "rankle")),
+)
+HUMERUS_OF_LEG: Final = 0.33
+"""The humerus as a part of thigh and shank together: .30 to .37 on the bodies of four databases.
+
+It stands in where only the legs were captured, as in gait analysis."""
+
 
 def body_lengths(motion: Motion) -> dict[str, float]:
     """Measure the lengths that thresholds are given in.
@@ -36,8 +45,9 @@ def body_lengths(motion: Motion) -> dict[str, float]:
     Returns
     -------
     dict of str to float
-        Metres in one ``hl`` (humerus length, mean of both sides), ``sw`` (shoulder width),
-        ``hw`` (hip width) and ``m``; NaN where the joints are missing or one point.
+        Metres in one ``hl`` (humerus length, mean of both sides; a part of the legs' where the
+        arms are missing), ``sw`` (shoulder width), ``hw`` (hip width) and ``m``; NaN where the
+        joints are missing or one point.
     """
     rows = {joint: i for i, joint in enumerate(motion.joints)}
     lengths = {"m": 1.0}
@@ -49,6 +59,8 @@ def body_lengths(motion: Motion) -> dict[str, float]:
         ]
         known = [length for length in found if length > COINCIDENT]
         lengths[unit] = sum(known) / len(known) if known else np.nan
+    if np.isnan(lengths["hl"]):
+        lengths["hl"] = HUMERUS_OF_LEG * _leg_length(motion, rows)
     return lengths
 
 
@@ -80,14 +92,14 @@ def untrusted_features(motion: Motion, feature_set: AnyFeatureSet = "f39") -> in
             one_point[pair] = _coincide(motion, rows[first], rows[second])
         return one_point[pair]
 
+    def is_measured(bones: tuple[tuple[str, str], ...]) -> bool:
+        return all(real.issuperset(bone) and not coincide(*bone) for bone in bones)
+
     def is_met(demand: _Demand) -> bool:
         return (
             real.issuperset(demand.joints)
             and not any(coincide(*pair) for pair in demand.apart)
-            and (
-                not demand.bones
-                or any(real.issuperset(bone) and not coincide(*bone) for bone in demand.bones)
-            )
+            and (not demand.bones or any(map(is_measured, demand.bones)))
         )
 
     mask = 0
@@ -104,14 +116,14 @@ class _Demand(NamedTuple):
     ----------
     joints : frozenset of str
         That must be real.
-    bones : tuple of pairs of str
-        One of which must have a length.
+    bones : tuple of tuples of pairs of str
+        In one of which all pairs must have a length.
     apart : tuple of pairs of str
         That must not be one point.
     """
 
     joints: frozenset[str]
-    bones: tuple[tuple[str, str], ...]
+    bones: tuple[tuple[tuple[str, str], ...], ...]
     apart: tuple[tuple[str, str], ...]
 
 
@@ -122,12 +134,18 @@ def _demands(feature_set: FeatureSet) -> tuple[tuple[_Demand, int], ...]:
     for i, feature in enumerate(feature_set.features):
         for leaf in leaves(feature.condition):
             demand = _Demand(
-                frozenset(joint_names(leaf.joints)),
-                LENGTHS.get(leaf.unit.removesuffix("/s"), ()),
+                frozenset((*joint_names(leaf.joints), *KINDS[leaf.kind].needs)),
+                _measures(leaf.unit.removesuffix("/s")),
                 tuple(_pairs_apart(leaf)),
             )
             demands[demand] = demands.get(demand, 0) | 1 << i
     return tuple(demands.items())
+
+
+def _measures(unit: str) -> tuple[tuple[tuple[str, str], ...], ...]:
+    """Return the bones, any of which tell a length."""
+    single = tuple((bone,) for bone in LENGTHS.get(unit, ()))
+    return (*single, *LEGS) if unit == "hl" else single
 
 
 def absent_joints(positions: FloatArray) -> BoolArray:
@@ -143,6 +161,17 @@ def absent_joints(positions: FloatArray) -> BoolArray:
     ndarray of bool, shape (J,)
     """
     return np.asarray(np.isnan(positions).any(axis=2).all(axis=0), dtype=np.bool_)
+
+
+def _leg_length(motion: Motion, rows: Mapping[str, int]) -> float:
+    """Return the mean length of the legs from hip to ankle in metres; NaN where it is unknown."""
+    known = []
+    for bones in LEGS:
+        if all(joint in rows for bone in bones for joint in bone):
+            parts = [_bone_length(motion, rows[start], rows[end]) for start, end in bones]
+            if min(parts) > COINCIDENT:
+                known.append(sum(parts))
+    return sum(known) / len(known) if known else np.nan
 
 
 def _bone_length(motion: Motion, start: int, end: int) -> float:

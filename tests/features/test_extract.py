@@ -16,6 +16,7 @@ from mocapidx.features.extract import (
 )
 from mocapidx.features.featureset import load_feature_set
 from mocapidx.features.relations import leaves
+from mocapidx.features.trust import body_lengths
 from mocapidx.model import Motion
 from tests import naive_features as naive
 
@@ -243,13 +244,39 @@ def test_a_missing_or_made_joint_spoils_the_features_that_name_it(joint, feature
     np.testing.assert_array_equal(found[:, same], extract_features(motion)[:, same])
 
 
-def test_without_any_humerus_nothing_measured_in_humerus_lengths_is_trusted():
+def test_without_any_humerus_the_legs_tell_its_length():
     motion = random_motion(4)
     one_side = changed(motion, motion.positions, made=("relbow",))
     assert untrusted_features(one_side) == mask("F7", "F27")
     both = changed(motion, motion.positions, made=("relbow", "lelbow"))
-    in_degrees_or_widths = ["F9", "F19", "F20", "F21", "F22", "F29", "F30", "F32", "F35", "F36"]
+    assert untrusted_features(both) == mask("F7", "F8", "F27", "F28")
+    no_length = ("relbow", "lelbow", "rknee", "lknee")
+    both = changed(motion, motion.positions, made=no_length)
+    in_degrees_or_widths = ["F9", "F19", "F22", "F32", "F35", "F36"]
     assert F39.select("all") & ~untrusted_features(both) == mask(*in_degrees_or_widths)
+
+
+def test_legs_alone_tell_what_legs_do_and_nothing_of_extents():
+    motion = random_motion(4)
+    arms_and_head = [j for j in naive.JOINTS if not j.endswith(("hip", "knee", "ankle", "toes"))]
+    legs = changed(motion, motion.positions, made=tuple(set(arms_and_head) - {"root"}))
+    known = F39.select("all") & ~untrusted_features(legs)
+    assert known == mask(*(f"F{i}" for i in range(15, 27)), "F39")
+    arms = changed(motion, motion.positions, made=("lankle", "rankle"))
+    assert untrusted_features(arms) & mask("F17", "F18", "F33", "F34", "F37", "F38") == mask(
+        "F17", "F18", "F33", "F34", "F37", "F38"
+    )
+
+
+def test_the_legs_stand_in_by_the_proportions_of_people():
+    motion = random_motion(4)
+    column = {joint: i for i, joint in enumerate(naive.JOINTS)}
+    positions = np.zeros((2, 24, 3))
+    for joint, height in {"lhip": 0.9, "lknee": 0.5, "lankle": 0.1}.items():
+        positions[:, column[joint], 1] = height
+    positions[:, [column[j] for j in ("relbow", "lelbow", "rknee")]] = np.nan
+    legs = Motion(motion.joints, positions, 30.0)
+    assert body_lengths(legs)["hl"] == pytest.approx(0.33 * 0.8)
 
 
 def test_joints_that_are_one_point_spoil_only_what_needs_them_apart():
