@@ -38,7 +38,7 @@ __all__ = ["match"]
 @click.option(
     "--sweep",
     is_flag=True,
-    help="Show the number of matches over epsilon, from 0.10 to 0.22 m, instead of matches.",
+    help="Show the number of matches over epsilon, from 0.04 to 0.22 m, instead of matches.",
 )
 @click.option(
     "--most",

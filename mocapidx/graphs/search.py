@@ -243,7 +243,12 @@ class _Growing:
 
 
 def search_web(
-    web: Searchable, query: Stretch, rules: SearchRules, rate: float
+    web: Searchable,
+    query: Stretch,
+    rules: SearchRules,
+    rate: float,
+    *,
+    stop_when_full: bool = False,
 ) -> tuple[MatchGraph, bool]:
     """Search in steps: what was found is searched for in turn, until nothing new comes.
 
@@ -254,6 +259,8 @@ def search_web(
     rules : SearchRules
     rate : float
         Frames a second of the web, in Hz.
+    stop_when_full : bool
+        Give up when there are too many matches, else only their edges are still sought.
 
     Returns
     -------
@@ -272,7 +279,7 @@ def search_web(
     .. [1] Kovar, Gleicher, SIGGRAPH 2004, section 3.3.
     """
     growing, full, at = _Growing([query]), False, 0
-    while at < len(growing.stretches):
+    while at < len(growing.stretches) and not (full and stop_when_full):
         tier = growing.tiers[at] + 1
         if rules.steps is not None and tier > rules.steps:
             break

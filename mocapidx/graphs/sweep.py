@@ -14,14 +14,18 @@ from mocapidx.graphs.search import Searchable, SearchRules, Stretch, search_web
 
 __all__ = ["SWEPT", "SweepStep", "chosen_step", "sweep_web"]
 
-SWEPT: Final = tuple(round(0.1 + 0.01 * step, 2) for step in range(13))
-"""Epsilons that are tried, in metres: 0.10 to 0.22."""
+SWEPT: Final = tuple(round(0.04 + 0.01 * step, 2) for step in range(19))
+"""Epsilons that are tried, in metres: 0.04 to 0.22."""
 
 JUMP: Final = 4.0
 """A number of matches jumps where it grows by more than this factor ..."""
 
 FEW: Final = 5
 """... after so many were added to it: from 1 to 9 is no jump yet."""
+
+
+HALVINGS: Final = 4
+"""Of the step from no match to too many."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,11 +75,37 @@ def sweep_web(
     ------
     SweepStep
     """
+    quiet, known = 0.0, False
     for epsilon in epsilons:
-        graph, full = search_web(web, query, replace(rules, epsilon=epsilon), rate)
-        yield SweepStep(epsilon, graph, full)
-        if full:
+        step = _step(web, query, rules, rate, epsilon)
+        if step.full and not known:
+            yield from _between(web, query, rules, rate, (quiet, epsilon))
+        yield step
+        if step.full:
             return
+        quiet, known = epsilon, step.matches > 0
+
+
+def _between(
+    web: Searchable, query: Stretch, rules: SearchRules, rate: float, ends: tuple[float, float]
+) -> Iterator[SweepStep]:
+    """Look for a few matches where one step leads from none to too many."""
+    quiet, loud = ends
+    for _ in range(HALVINGS):
+        middle = round((quiet + loud) / 2, 6)
+        step = _step(web, query, rules, rate, middle)
+        if step.full:
+            loud = middle
+        else:
+            yield step
+            quiet = middle
+
+
+def _step(
+    web: Searchable, query: Stretch, rules: SearchRules, rate: float, epsilon: float
+) -> SweepStep:
+    rules = replace(rules, epsilon=epsilon)
+    return SweepStep(epsilon, *search_web(web, query, rules, rate, stop_when_full=True))
 
 
 def chosen_step(steps: Sequence[SweepStep]) -> SweepStep:

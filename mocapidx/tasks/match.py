@@ -20,6 +20,7 @@ from mocapidx.tasks.hits import make_hit
 from mocapidx.tasks.match_graphs import graph_kind, save_graph
 from mocapidx.tasks.open_web import OpenWeb, open_web
 from mocapidx.tasks.records import HIT_COLUMNS, Record, hit_record
+from mocapidx.tasks.refine import refined
 
 __all__ = [
     "MATCH_COLUMNS",
@@ -161,6 +162,7 @@ def match_store(
         else:
             found, full = search_web(opened, stretch, rules, opened.rate)
         warnings = _warnings(opened, stretch, found, full, options.most)
+        found = refined(found, opened, snapshot)
         placed = {entry.document.name: entry for entry in snapshot.documents()}
         if graph is not None:
             save_graph(graph, found, snapshot)

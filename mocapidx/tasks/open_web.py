@@ -41,16 +41,16 @@ class OpenWeb:
 
     @property
     def rate(self) -> float:
-        """Frames a second, in Hz."""
-        return self.web.rate
+        """Frames a second in which it is searched, in Hz."""
+        return self.web.rate / self.web.stride
 
     def holds(self, document: str) -> bool:
         """Whether a document takes part."""
         return document in self.numbers
 
     def frames(self, document: str) -> int:
-        """Frames of a document."""
-        return self.web.documents[self._number(document)].frames
+        """Frames of a document at that rate."""
+        return -(-self.web.documents[self._number(document)].frames // self.web.stride)
 
     def pieces(self, document: str) -> Iterator[tuple[str, int, SearchPaths]]:
         """Paths between a document and others, and the place of its frames in the cells."""
@@ -82,7 +82,8 @@ class OpenWeb:
         return known
 
     def _check(self, paths: SearchPaths, row: int) -> None:
-        lengths = [self.web.documents[n].frames for n in self.web.pieces[row, :2].tolist()]
+        documents = [self.web.documents[n] for n in self.web.pieces[row, :2].tolist()]
+        lengths = [-(-known.frames // self.web.stride) for known in documents]
         for cells in (paths.paths.cells, paths.paths.inner_cells):
             if len(cells) and (cells.min() < 0 or (cells.max(axis=0) >= lengths).any()):
                 raise StoreError("the paths of two documents leave them")

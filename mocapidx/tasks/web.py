@@ -1,9 +1,10 @@
 """Build a match web of the documents of a store; add what is new to one that is there."""
 
+import os
 import re
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import nullcontext
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import combinations_with_replacement
@@ -29,6 +30,9 @@ __all__ = ["WebOptions", "WebProgress", "WebSummary", "build_web", "path_rules",
 
 BATCH_CELLS: Final = 1_000_000_000
 """Cells after which what is done is written, so that an interrupted build goes on from there."""
+
+THREADS: Final = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+"""What the libraries behind matrix products look at when they are loaded."""
 
 JOB_CELLS: Final = 20_000_000
 """Starting a worker takes as long as comparing so many."""
@@ -171,11 +175,11 @@ def build_web(
         blocks = list(building.blocks(missing))
         all_cells = sum(block.cells for block in blocks)
         summary.cells = all_cells
-        workers = 1 if map_fn else min(options.jobs, all_cells // JOB_CELLS + 1)
+        workers = _workers(options.jobs, all_cells)
         compare = partial(_compare, rate=building.rate, rules=options.rules)
         done = pending = compared = 0
         try:
-            with nullcontext(map_fn) if map_fn else mapping(workers) as apply:
+            with _one_thread(), nullcontext(map_fn) if map_fn else mapping(workers) as apply:
                 found = apply(compare, map(building.filled, blocks))
                 for block, pieces in zip(blocks, found, strict=True):
                     building.add(block, pieces, kept)
@@ -253,6 +257,31 @@ def _facts(placed: Sequence[Placed], pattern: str | None) -> Iterator[Mapping[st
     for entry in placed:
         facts = document_facts(entry.document, 1.0)
         yield {**facts, **name_facts(regex, entry.document.name)}
+
+
+def _workers(jobs: int, cells: int) -> int:
+    """Say how many processes are worth their start.
+
+    Matrix products on several threads differ in the last bits. Where this process may use
+    several, all products are left to others, which may not.
+    """
+    alone = os.environ.get(THREADS[0]) == "1" or not cells
+    return max(1 if alone else 2, min(jobs, cells // JOB_CELLS + 1))
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Let processes that are started here multiply matrices on one thread each."""
+    before = {name: os.environ.get(name) for name in THREADS}
+    os.environ.update(dict.fromkeys(THREADS, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
 
 
 def _compare(
