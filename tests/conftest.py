@@ -6,8 +6,13 @@ import sys
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 ROOT = Path(__file__).parent.parent
+
+# On a busy machine, or with sanitizers, an example may take long: that says nothing.
+settings.register_profile("mocapidx", deadline=None)
+settings.load_profile("mocapidx")
 
 
 @pytest.fixture(scope="session")
