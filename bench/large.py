@@ -92,8 +92,10 @@ def over_sizes(
     ]
     seconds = [statistics.median(turn[n].seconds for turn in rounds) for n in range(len(sizes))]
     memory = [max(turn[n].megabytes for turn in rounds) for n in range(len(sizes))]
+    processor = statistics.median(turn[-1].processor for turn in rounds)
     return Row(
-        f"{what}: {described(seconds, memory, sizes)}", seconds[-1], wanted=wanted,
+        f"{what}: {described(seconds, memory, sizes)} "
+        f"({seconds_as_text(processor)} of the processor)", seconds[-1], wanted=wanted,
         growth=in_hours(sizes, seconds),
     )  # fmt: skip
 
