@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from mocapidx.synthesis.blending import Examples
-from mocapidx.synthesis.bodies import Movement, body_of, carried, joint_points, movement_of
+from mocapidx.synthesis.bodies import Movement, body_of, joint_points, movement_of
+from mocapidx.synthesis.carrying import carried
 from mocapidx.synthesis.quaternions import about_vertical, product
 from mocapidx.synthesis.registration import register, star
 from mocapidx.tasks.read import ReadOptions, read_recorded

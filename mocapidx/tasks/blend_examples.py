@@ -9,19 +9,12 @@ import numpy as np
 
 from mocapidx.errors import FormatError
 from mocapidx.graphs.graph_text import graph_from_json
-from mocapidx.graphs.match_graph import MatchGraph
+from mocapidx.graphs.match_graph import MatchGraph, path_edges, shortest_paths
 from mocapidx.model import FloatArray
 from mocapidx.printable import shown
 from mocapidx.synthesis.blending import Examples
-from mocapidx.synthesis.bodies import (
-    Body,
-    Movement,
-    body_difference,
-    body_of,
-    carried,
-    joint_points,
-    movement_of,
-)
+from mocapidx.synthesis.bodies import Body, Movement, body_of, joint_points, movement_of
+from mocapidx.synthesis.carrying import body_difference, carried
 from mocapidx.synthesis.registration import RATE, Registration, Tie, register, star
 from mocapidx.synthesis.spaces import Origin
 from mocapidx.tasks.found import read_found
@@ -94,7 +87,7 @@ def read_examples(hits: Path, options: ExampleOptions) -> tuple[Examples, tuple[
         stretches, examples, ties = wanted, list(range(len(wanted))), star(len(wanted))
     else:
         stretches, examples = _on_graph(wanted, graph)
-        ties = [(e.first, e.second, e.cost) for e in graph.edges]
+        ties = _ties_on_ways(graph, examples)
     where = "standard input" if str(hits) == "-" else shown(hits, None)
     if len(examples) < 2:
         raise FormatError(
@@ -156,6 +149,13 @@ def _on_graph(wanted: Sequence[Origin], graph: MatchGraph) -> tuple[list[Origin]
         stretches[node] = hit
         examples.append(node)
     return stretches, list(dict.fromkeys(examples))
+
+
+def _ties_on_ways(graph: MatchGraph, examples: Sequence[int]) -> list[Tie]:
+    """List the edges on the cheapest ways to the examples; no other motion need be read."""
+    paths = shortest_paths(graph)
+    edges = {id(e): e for node in examples for e in path_edges(graph, paths, node)}
+    return [(e.first, e.second, e.cost) for e in edges.values()]
 
 
 def _common(one: Origin, other: Origin) -> float:

@@ -331,3 +331,30 @@ def test_what_is_wrong_is_said_in_one_line(place, tmp_path, mocapidx, arguments,
     assert done.stderr.count("\n") == 1
     assert complaint in done.stderr
     assert not os.listdir(tmp_path)
+
+
+def test_kicks_of_real_people_can_be_steered(real_data, tmp_path):
+    clips = sorted((real_data / "hdm05/kickLFront1Reps").glob("*.amc"))
+    hits = []
+    for path in clips:
+        frames = path.read_bytes().count(b"\nroot ")
+        hits.append(hit(f"kickLFront1Reps/{path.name}", frames / 120))
+    (tmp_path / "foot.toml").write_text(
+        '[[parameter]]\njoint = "lankle"\nwhen = { max = "height", joint = "lankle" }\n'
+    )
+    space = fit_blend_space(
+        write_hits(tmp_path / "hits.jsonl", hits),
+        str(tmp_path / "foot.toml"),
+        examples=ExampleOptions(roots=(real_data / "hdm05",)),
+        options=FitOptions(draws=200),
+    )
+    random = np.random.default_rng(0)
+    for number in range(5):
+        target = space.parameters[random.integers(len(hits), len(space.weights))]
+        made = make_motion(space, target, output=tmp_path / "new.bvh")
+        assert made.aim.miss < 0.02, number
+        positions = read_motion(tmp_path / "new.bvh").positions
+        np.testing.assert_allclose(positions, made.motion.positions, atol=1e-4)
+        steps = np.linalg.norm(np.diff(positions, axis=0), axis=2)
+        assert steps.max() * 120 < 14  # m/s: the feet of these people reach 9 or so
+    assert make_motion(space, space.parameters[0] + (0, 3, 0)).is_out_of_reach
