@@ -307,7 +307,7 @@ def _documents(tree: dict[str, Any], roots: list[str], rigs: list[Rig]) -> tuple
     if "facts" not in tree:  # as in the first stores
         tree = {**tree, "facts": [{}] * len(_get(tree, "name", list))}
     columns = {name: _all(_get(tree, name, list), *types) for name, types in COLUMN_TYPES.items()}
-    for facts in columns["facts"]:
+    for facts in filter(None, columns["facts"]):
         _all((*facts, *facts.values()), str)
     count = len(columns["name"])
     if not count or any(len(values) != count for values in columns.values()):
@@ -320,8 +320,8 @@ def _documents(tree: dict[str, Any], roots: list[str], rigs: list[Rig]) -> tuple
     _within(columns["mtime_ns"], -BIGGEST, BIGGEST)
     for rate in set(columns["source_rate"]):
         _rate(rate)
-    for text in (*columns["name"], *(path for path in columns["path"] if path is not None)):
-        _path(text)
+    texts = [*columns["name"], *(path for path in columns["path"] if path is not None)]
+    _path("".join(texts) if all(texts) else "")
     if not HEX.fullmatch("".join(columns["digest"])):
         raise Wrong("the digest of a document is not hexadecimal")
     columns["root"] = [roots[number] for number in columns["root"]]
