@@ -6,7 +6,14 @@ from typing import Any
 import click
 
 from .auto import print_auto
-from .options import quiet_option, read_options, reading_options, store_argument
+from .options import (
+    quiet_option,
+    read_options,
+    reading_options,
+    scheduler_option,
+    spread,
+    store_argument,
+)
 from .rows import note, print_rows, row_options
 
 __all__ = ["query"]
@@ -108,6 +115,7 @@ UNSET = {None, "adaptive", 0}  # what they are where not given; 0 is also False
 )
 @reading_options
 @row_options
+@scheduler_option
 @quiet_option
 def query(
     store: Path,
@@ -122,6 +130,7 @@ def query(
     explain: bool,
     row_format: str,
     output: Path,
+    scheduler: str | None,
     quiet: bool,
     **others: Any,
 ) -> None:
@@ -139,32 +148,36 @@ def query(
     """
     asked = {name: others.pop(name) for name in ASKED}
     if select == "auto":
-        auto = {"feedback": not no_feedback, "learn": learn, "top": top}
+        auto: dict[str, Any] = {"feedback": not no_feedback, "learn": learn, "top": top}
         auto["where"] = asked.pop("where")
         if len(examples) != 1 or rank or mismatch_at or not any_of or set(asked.values()) != UNSET:
             raise click.UsageError(
                 "--select auto takes one --example, and of the other options only --no-feedback, "
                 "--learn, --where, --top and --explain"
             )
-        print_auto(store, examples[0], auto, others, row_format, output, quiet, explain=explain)
+        with spread(scheduler) as map_fn:
+            auto |= {} if map_fn is None else {"map_fn": map_fn}
+            print_auto(store, examples[0], auto, others, row_format, output, quiet, explain=explain)
         return
     if learn is not None or no_feedback:
         raise click.UsageError("--learn and --no-feedback go with --select auto")
     from mocapidx.tasks.query import query_store
     from mocapidx.tasks.records import HIT_COLUMNS
 
-    found = query_store(
-        store,
-        examples or None,
-        select=select,
-        rank=rank,
-        top=top,
-        mismatch_at=None if mismatch_at is None else steps_of_text(mismatch_at),
-        combine="any" if any_of else "all",
-        explain=explain,
-        read=read_options(others),
-        **asked,
-    )
+    with spread(scheduler) as map_fn:
+        found = query_store(
+            store,
+            examples or None,
+            select=select,
+            rank=rank,
+            top=top,
+            mismatch_at=None if mismatch_at is None else steps_of_text(mismatch_at),
+            combine="any" if any_of else "all",
+            explain=explain,
+            read=read_options(others),
+            map_fn=map_fn,
+            **asked,
+        )
     for remark in found.remarks:
         note(f"Note: {remark}", quiet)
     columns = (*HIT_COLUMNS, "mirrored") if asked["mirror"] else HIT_COLUMNS

@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from .options import NumberRange, quiet_option, store_argument
+from .options import NumberRange, quiet_option, scheduler_option, spread, store_argument
 from .rows import note, print_rows, row_options
 
 __all__ = ["retrieve"]
@@ -81,6 +81,7 @@ STEPS = ("weighted", "printed")
     help="Write the distance function: document, frame, time (seconds), cost.",
 )
 @row_options
+@scheduler_option
 @quiet_option
 def retrieve(
     store: Path,
@@ -97,6 +98,7 @@ def retrieve(
     profile: Path | None,
     row_format: str,
     output: Path,
+    scheduler: str | None,
     quiet: bool,
 ) -> None:
     """Find every occurrence of a motion class in STORE, best first.
@@ -122,7 +124,8 @@ def retrieve(
         keyframe_tolerance=keyframe_tolerance,
         min_overlap=min_overlap,
     )
-    found = retrieve_class(store, templates, label, options, profile=profile)
+    with spread(scheduler) as map_fn:
+        found = retrieve_class(store, templates, label, options, profile=profile, map_fn=map_fn)
     for remark in found.remarks:
         note(f"Note: {remark}", quiet)
     records = [hit_record(hit, rank) for rank, hit in enumerate(found.hits, start=1)]

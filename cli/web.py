@@ -5,7 +5,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .options import NumberRange, jobs_option, quiet_option, store_argument
+from .options import (
+    NumberRange,
+    jobs_option,
+    quiet_option,
+    scheduler_option,
+    spread,
+    store_argument,
+)
 from .progress import Bar
 from .rows import note, print_rows, row_options
 
@@ -95,6 +102,7 @@ def web() -> None:
     help="Let bridges run along chains instead of ending at the first, as printed.",
 )
 @jobs_option
+@scheduler_option
 @quiet_option
 def build(
     store: Path,
@@ -110,6 +118,7 @@ def build(
     printed_chains: bool,
     printed_bridges: bool,
     jobs: int,
+    scheduler: str | None,
     quiet: bool,
 ) -> None:
     """Build the match web of a store, or add to it what is new.
@@ -134,12 +143,12 @@ def build(
         stop_at_chains=not printed_bridges,
     )
     options = WebOptions(where, group_by, name_pattern, rules, jobs)
-    with Bar(" Mcells", quiet) as bar:
+    with Bar(" Mcells", quiet) as bar, spread(scheduler) as map_fn:
 
         def show(done: "WebProgress") -> None:
             bar.show(done.cells // 1_000_000, done.all_cells // 1_000_000)
 
-        summary = build_web(store, output, options, progress=show)
+        summary = build_web(store, output, options, progress=show, map_fn=map_fn)
     if summary.changed_rules:
         note(f"Note: {output} had other options; all pairs were compared anew", quiet)
     note(

@@ -24,6 +24,7 @@ from mocapidx.tasks.read import ReadOptions
 from mocapidx.tasks.records import HIT_COLUMNS, Record, hit_record
 from mocapidx.tasks.segment_sources import untrusted_mask
 from mocapidx.tasks.sources import Source, find_sources
+from mocapidx.tasks.store_pieces import WordPiece, word_pieces
 from mocapidx.tasks.store_words import WordBatch, check_store, cut_at_gaps, store_batches
 from mocapidx.tasks.threads import thread_count
 from mocapidx.templates.file import load_templates
@@ -212,7 +213,8 @@ def annotate_motion(
         for store in stores:
             check_store(store, known)
         total = _count_documents(sources, stores)
-        items = itertools.chain(sources, *map(store_batches, stores))
+        divided = store_batches if map_fn is None else word_pieces
+        items = itertools.chain(sources, *map(divided, stores))
         jobs = min(options.jobs, -(-total // JOBS_PER_WORKER))
         parallel = jobs > 1 and map_fn is None
         apply = stack.enter_context(mapping(jobs) if parallel else nullcontext(map_fn or map))
@@ -264,10 +266,18 @@ def _count_documents(sources: Sequence[Source], stores: Sequence[Snapshot]) -> i
     return len(origins)
 
 
-def _annotate(work: _Work, item: Source | WordBatch) -> _Done | Refused:
+def _annotate(work: _Work, item: Source | WordBatch | WordPiece) -> _Done | Refused:
     """Annotate a motion file or documents of a store; runs in any process."""
     if isinstance(item, WordBatch):
         return _done(work, item, assumed_rate=False)
+    if isinstance(item, WordPiece):
+        several = [_done(work, batch, assumed_rate=False) for batch in item.batches()]
+        return _Done(
+            tuple(found for done in several for found in done.annotations),
+            tuple(name for done in several for name in done.documents),
+            sum(done.frames for done in several),
+            assumed_rate=False,
+        )
     job = Job(item, None, work.options.read, work.feature_set, work.rate, poses=False)
     prepared = prepare(job)
     if not isinstance(prepared, Prepared):

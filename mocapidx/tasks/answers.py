@@ -4,9 +4,10 @@ from bisect import bisect_left
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import islice
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -24,6 +25,12 @@ from mocapidx.tasks.records import Record, hit_record
 from mocapidx.tasks.segment_sources import document_groups, segment_source, store_feature_set
 from mocapidx.tasks.unspecified import told
 from mocapidx.tasks.where import meeting
+
+if TYPE_CHECKING:  # what only a cluster needs is imported with it
+    from mocapidx.tasks.parallel import MapFunction
+    from mocapidx.tasks.query_files import Question
+
+Result = TypeVar("Result")
 
 __all__ = [
     "Answer",
@@ -104,12 +111,38 @@ class Archive:
     rate : float
         The store's, in Hz.
     files : tuple of LookedAt
+    map_fn : callable, optional
+        Asks the files, with the shape of ``map``; by default one after the other, here.
     """
 
     snapshot: Snapshot
     feature_set: FeatureSet
     rate: float
     files: tuple[LookedAt, ...]
+    map_fn: "MapFunction | None" = None
+
+    def each_file(self, question: "Question[Result]") -> Iterable[Result]:
+        """Ask every segment file the same.
+
+        Parameters
+        ----------
+        question : callable
+            From a file's runs and lists, and the documents that count, to any answer.
+
+        Returns
+        -------
+        iterable
+            An answer for each of `files`, in their order.
+        """
+        if self.map_fn is None:
+            return (question(place.source, place.groups) for place in self.files)
+        from mocapidx.tasks.query_files import answer_of_file, file_piece
+
+        pieces = (
+            file_piece(self.snapshot, place.file, self.feature_set, place.groups)
+            for place in self.files
+        )
+        return self.map_fn(partial(answer_of_file, question), pieces)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -165,7 +198,9 @@ class Chosen:
 
 
 @contextmanager
-def open_archive(store: str | Path, where: str | None = None) -> Iterator[Archive]:
+def open_archive(
+    store: str | Path, where: str | None = None, map_fn: "MapFunction | None" = None
+) -> Iterator[Archive]:
     """Open a store for a query.
 
     Parameters
@@ -173,6 +208,8 @@ def open_archive(store: str | Path, where: str | None = None) -> Iterator[Archiv
     store : str or Path
     where : str, optional
         A condition on documents, as in `mocapidx.tasks.where`.
+    map_fn : callable, optional
+        Asks the segment files, with the shape of ``map``.
 
     Yields
     ------
@@ -194,7 +231,7 @@ def open_archive(store: str | Path, where: str | None = None) -> Iterator[Archiv
             )
             for file, numbers in zip(snapshot.files, wanted, strict=True)
         )
-        yield Archive(snapshot, feature_set, rate, files)
+        yield Archive(snapshot, feature_set, rate, files, map_fn)
 
 
 def _wanted(snapshot: Snapshot, where: str | None) -> Sequence[set[int] | None]:
@@ -237,11 +274,19 @@ def ask(
     list of Answer
         All costs 0. One for each group of documents, also for those without hits.
     """
+    several = archive.each_file(partial(_evaluate, pattern, mode, mismatches))
     return [
         _answer(place, found, label, mirrored)
-        for place in archive.files
-        for found in evaluate(pattern, mode, place.source, place.groups, mismatches)
+        for place, hits in zip(archive.files, several, strict=True)
+        for found in hits
     ]
+
+
+def _evaluate(
+    pattern: Pattern, mode: str, mismatches: int, source: Source, groups: Sequence[DocumentGroup]
+) -> list[GroupHits]:
+    """Find a pattern in one segment file; runs in any process."""
+    return evaluate(pattern, mode, source, groups, mismatches)
 
 
 def _answer(place: LookedAt, found: GroupHits, label: str, mirrored: bool) -> Answer:

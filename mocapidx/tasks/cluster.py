@@ -2,19 +2,26 @@
 
 The shape is that of `mocapidx.tasks.parallel`: results come in the order of the items, what runs
 ahead of the consumer is bounded, and the client alone writes. A task that a lost worker had is
-given to another one; what a task raises is raised here.
+given to another one; what a task raises is raised here. An item may say its `weight` in bytes,
+by which small ones travel together, and the `path` of the file that its worker has to see.
 """
 
 import logging
 import os
 import re
+import socket
+import warnings
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import version
+from multiprocessing import resource_tracker
 from typing import Any, Final
 
 from mocapidx.errors import MocapidxError, ParameterError
-from mocapidx.printable import shown
+from mocapidx.printable import count, shown
 from mocapidx.tasks.parallel import MapFunction, deaf
 
 __all__ = ["cluster_mapping"]
@@ -30,13 +37,23 @@ TASK_BYTES: Final = 4 << 20
 
 MOST_ITEMS: Final = 64
 CONNECT_SECONDS: Final = 10
+PATIENCE: Final = 30
+"""Seconds without a result after which we look whether there is any worker left."""
+
 SETTINGS: Final = {
     "distributed.comm.timeouts.connect": f"{CONNECT_SECONDS}s",
     "distributed.comm.retry.count": 2,
     "distributed.scheduler.allowed-failures": 3,
-    "distributed.scheduler.worker-ttl": "60s",
     "distributed.admin.log-length": 100,
+    "distributed.admin.large-graph-warning-threshold": "1TB",
+    # Nothing lies about in a worker that could be moved to disk; one that is over its limit is
+    # ended before the machine suffers, but never put to sleep with its work.
+    "distributed.worker.memory.target": False,
+    "distributed.worker.memory.spill": False,
+    "distributed.worker.memory.pause": False,
 }
+CHATTY: Final = ("distributed", "tornado", "asyncio")
+"""What they have to say we say in one line."""
 
 
 @contextmanager
@@ -58,9 +75,10 @@ def cluster_mapping(scheduler: str) -> Iterator[MapFunction]:
     Raises
     ------
     ParameterError
-        If `scheduler` is neither, Dask is not installed, or nothing answers there.
+        If `scheduler` is neither, Dask is not installed, nothing answers there, or its workers
+        can't do this work.
     MocapidxError
-        If the scheduler is lost, or a task's workers die again and again.
+        If the scheduler is lost, or all workers are, or a task's workers die again and again.
     """
     local = LOCAL.fullmatch(scheduler)
     if not local and not ADDRESS.fullmatch(scheduler):
@@ -77,8 +95,10 @@ def cluster_mapping(scheduler: str) -> Iterator[MapFunction]:
         ) from exc
     make_cluster: Any = distributed.LocalCluster
     connect: Any = distributed.Client
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    for name in CHATTY:
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)
     under_way: list[Generator[Any, None, None]] = []
+    resource_tracker.ensure_running()  # it would take our signal mask away from the first worker
     with dask.config.set(SETTINGS):
         cluster = None
         try:
@@ -90,7 +110,9 @@ def cluster_mapping(scheduler: str) -> Iterator[MapFunction]:
                         dashboard_address=None,
                         silence_logs=logging.CRITICAL,
                     )
-                client = connect(cluster or scheduler, timeout=CONNECT_SECONDS)
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore")  # of other versions of Dask
+                    client = connect(cluster or scheduler, timeout=CONNECT_SECONDS)
         except (OSError, TimeoutError) as exc:
             raise ParameterError(
                 f"{shown(scheduler)}: no scheduler answers there ({type(exc).__name__}); start "
@@ -102,6 +124,8 @@ def cluster_mapping(scheduler: str) -> Iterator[MapFunction]:
             return under_way[-1]
 
         try:
+            with _explained(scheduler):
+                _check_workers(client, scheduler)
             yield apply
         finally:
             with deaf():
@@ -114,28 +138,83 @@ def cluster_mapping(scheduler: str) -> Iterator[MapFunction]:
                         cluster.close(timeout=CONNECT_SECONDS)
 
 
+def _check_workers(client: Any, scheduler: str) -> None:
+    """Refuse to begin where nobody would work, or somebody with another version."""
+    try:
+        client.wait_for_workers(1, timeout=CONNECT_SECONDS)
+    except TimeoutError as exc:
+        raise ParameterError(
+            f"{shown(scheduler)}: no worker has joined it; start some with 'dask worker "
+            f"{shown(scheduler)}' where mocapidx is installed"
+        ) from exc
+    for worker, answer in client.run(_own_version, on_error="return").items():
+        if answer != _own_version():
+            found = "none" if isinstance(answer, BaseException) else f"mocapidx {shown(answer)}"
+            raise ParameterError(
+                f"{shown(scheduler)}: {_other_version(shown(worker), found, _own_version())}"
+            )
+
+
+def _other_version(worker: str, found: str, wanted: str) -> str:
+    return (
+        f"the worker {worker} needs mocapidx {wanted} as here, it has {found}; install the same "
+        "version where the workers run"
+    )
+
+
+@cache
+def _own_version() -> str:
+    return version("mocapidx")
+
+
+@dataclass(frozen=True, slots=True)
+class _Answer:
+    """The result for an item, or the exception; and where its file was not to be seen."""
+
+    good: bool
+    result: Any
+    blind: str = ""
+
+
 def _results(
     client: Any, scheduler: str, function: Callable[[Any], Any], items: Iterable[Any]
 ) -> Generator[Any, None, None]:
     """Yield the results in the order of the items."""
     tasks = _together(items)
-    waiting: deque[Any] = deque()
+    waiting: deque[tuple[Any, Sequence[Any]]] = deque()
+    room = AHEAD * max(sum(client.nthreads().values()), 1)
     try:
         while True:
-            with _explained(scheduler):
-                room = AHEAD * max(sum(client.nthreads().values()), 1)
-                while len(waiting) < room and (group := next(tasks, None)) is not None:
-                    waiting.append(client.submit(_work, function, group, pure=False))
-                if not waiting:
-                    return
-                answers = waiting.popleft().result()
-            for good, result in answers:
-                if not good:
-                    raise result
-                yield result
+            while len(waiting) < room and (group := next(tasks, None)) is not None:
+                with _explained(scheduler):
+                    task = client.submit(_work, _own_version(), function, group, pure=False)
+                waiting.append((task, group))
+            if not waiting:
+                return
+            with _explained(scheduler, waiting):
+                answers = _awaited(client, scheduler, waiting[0][0])
+            group = waiting.popleft()[1]
+            for item, answer in zip(group, answers, strict=False):  # up to the first that failed
+                _check_seen(item, answer)
+                if not answer.good:
+                    raise answer.result
+                yield answer.result
     finally:
         with suppress(Exception):
-            client.cancel(list(waiting), force=True)
+            client.cancel([task for task, _ in waiting], force=True)
+
+
+def _awaited(client: Any, scheduler: str, task: Any) -> Sequence[_Answer]:
+    """Wait for a task as long as there is somebody who could do it."""
+    while True:
+        with suppress(TimeoutError):
+            answers: Sequence[_Answer] = task.result(timeout=PATIENCE)
+            return answers
+        if not client.nthreads():
+            raise MocapidxError(
+                f"{shown(scheduler)}: no worker is left; what was committed stays, start workers "
+                "and run again to continue"
+            )
 
 
 def _together(items: Iterable[Any]) -> Iterator[Sequence[Any]]:
@@ -152,21 +231,35 @@ def _together(items: Iterable[Any]) -> Iterator[Sequence[Any]]:
         yield group
 
 
-def _work(function: Callable[[Any], Any], items: Sequence[Any]) -> list[tuple[bool, Any]]:
+def _work(wanted: str, function: Callable[[Any], Any], items: Sequence[Any]) -> list[_Answer]:
     """Apply a function to some items, up to the first that fails; runs in a worker."""
+    if wanted != _own_version():  # it may have joined later
+        found = f"mocapidx {_own_version()}"
+        raise MocapidxError(_other_version(f"on {socket.gethostname()}", found, wanted))
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    answers: list[tuple[bool, Any]] = []
+    answers: list[_Answer] = []
     for item in items:
+        path = getattr(item, "path", None)
+        blind = "" if path is None or os.path.lexists(path) else socket.gethostname()
         try:
-            answers.append((True, function(item)))
+            answers.append(_Answer(True, function(item), blind))
         except Exception as exc:
-            answers.append((False, exc))
+            answers.append(_Answer(False, exc, blind))
             break
     return answers
 
 
+def _check_seen(item: Any, answer: _Answer) -> None:
+    """Tell a file that is gone from one that only a worker can't see."""
+    if answer.blind and os.path.lexists(item.path):
+        raise ParameterError(
+            f"{shown(item.path)}: the worker on {shown(answer.blind)} can't see it; workers need "
+            "the same files under the same names"
+        )
+
+
 @contextmanager
-def _explained(scheduler: str) -> Iterator[None]:
+def _explained(scheduler: str, waiting: Sequence[tuple[Any, Sequence[Any]]] = ()) -> Iterator[None]:
     """Say in one line what became of the cluster."""
     from distributed import CancelledError, KilledWorker
     from distributed.comm.core import CommClosedError
@@ -175,11 +268,23 @@ def _explained(scheduler: str) -> Iterator[None]:
         yield
     except KilledWorker as exc:
         raise MocapidxError(
-            "workers died again and again over the same files, perhaps for want of memory; run "
-            "again with workers that may use more of it"
+            f"workers died again and again over {_named(waiting[0][1])}, perhaps for want of "
+            "memory; run again with workers that may use more of it"
         ) from exc
     except (CancelledError, CommClosedError, OSError, TimeoutError) as exc:
         raise MocapidxError(
             f"{shown(scheduler)}: the scheduler was lost; what was committed stays, run again "
             "to continue"
         ) from exc
+    except (ImportError, AttributeError) as exc:  # what the task is made of is not there
+        raise MocapidxError(
+            f"{shown(scheduler)}: {_other_version('that joined', 'not all of it', _own_version())}"
+        ) from exc
+
+
+def _named(items: Sequence[Any]) -> str:
+    """Name what a task was about."""
+    path = getattr(items[0], "path", None)
+    if path is None:
+        return "the same work"
+    return shown(path) + (f" and {count(len(items) - 1, 'more file')}" if len(items) > 1 else "")

@@ -295,7 +295,7 @@ def _items(
     for source in sources:
         document, facts = known.get(source.name), name_facts(regex, source.name)
         if document is None or not is_unchanged(source, document, options.read, facts):
-            items.append((source, document, facts))
+            items.append(Item(source, document, facts))
     return items
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from mocapidx.features.featureset import FeatureSet
 from mocapidx.model import FloatArray, Hit, HitList, IndexArray
@@ -31,6 +31,9 @@ from mocapidx.templates.oneshot import (
     weigh,
     weight_shares,
 )
+
+if TYPE_CHECKING:
+    from mocapidx.tasks.parallel import MapFunction
 
 __all__ = ["AutoFound", "WeightShare", "auto_records", "query_auto", "weight_records"]
 
@@ -107,6 +110,7 @@ def query_auto(
     learn: Path | None = None,
     where: str | None = None,
     read: ReadOptions | None = None,
+    map_fn: "MapFunction" = map,
 ) -> AutoFound:
     """Rank everything in a store by how much it is like one example; no features are chosen.
 
@@ -125,6 +129,8 @@ def query_auto(
         A condition on documents, as in `mocapidx.tasks.where`; the others don't count at all.
     read : ReadOptions, optional
         How the example's file is understood.
+    map_fn : callable
+        Matches what was read of the store, with the shape of ``map``.
 
     Returns
     -------
@@ -152,7 +158,7 @@ def query_auto(
         sigma = store_sigma(snapshot, feature_set)
         signed = signed_distances(shot.shot, sigma)
         pattern = weigh(signed)
-        area = choose_area(snapshot, documents, pattern)
+        area = choose_area(snapshot, documents, pattern, map_fn)
         if area.pieces is not None:
             remarks.append(
                 "the store is too large to be looked through: the better fifth of a coarse scan "

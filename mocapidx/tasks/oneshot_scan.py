@@ -2,8 +2,9 @@
 
 import itertools
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
-from typing import Final
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -13,7 +14,11 @@ from mocapidx.store.read import Snapshot
 from mocapidx.tasks.segment_sources import document_groups
 from mocapidx.tasks.store_words import WordBatch, piece_batches, store_batches
 from mocapidx.templates.keyframes import Pieces
+from mocapidx.templates.match import Hits
 from mocapidx.templates.oneshot import Pattern, match_pattern, pattern_hits
+
+if TYPE_CHECKING:
+    from mocapidx.tasks.parallel import MapFunction
 
 __all__ = ["Area", "Ranking", "choose_area", "median_cost", "rank"]
 
@@ -60,11 +65,14 @@ class Area:
         The documents that count, in the order of their names.
     pieces : dict of int to Pieces, optional
         By the number of the segment file; None: everything.
+    map_fn : callable
+        Matches what was read, with the shape of ``map``.
     """
 
     snapshot: Snapshot
     documents: tuple[Placed, ...]
     pieces: dict[int, Pieces] | None = field(default=None)
+    map_fn: "MapFunction" = map
 
     def batches(self) -> Iterator[WordBatch]:
         """Read it, a bounded number of frames at a time."""
@@ -88,7 +96,12 @@ class Area:
                 yield batch.select(np.array(own, dtype=np.int64))
 
 
-def choose_area(snapshot: Snapshot, documents: Iterable[Placed], pattern: Pattern) -> Area:
+def choose_area(
+    snapshot: Snapshot,
+    documents: Iterable[Placed],
+    pattern: Pattern,
+    map_fn: "MapFunction" = map,
+) -> Area:
     """Choose what to scan for a pattern: everything, or what a coarse scan of it leaves.
 
     Parameters
@@ -97,23 +110,25 @@ def choose_area(snapshot: Snapshot, documents: Iterable[Placed], pattern: Patter
     documents : iterable of Placed
         The documents of the snapshot that count.
     pattern : Pattern
+    map_fn : callable
+        Matches, with the shape of ``map``.
 
     Returns
     -------
     Area
     """
     ordered = tuple(sorted(documents, key=lambda placed: placed.document.name))
-    everything = Area(snapshot, ordered)
+    everything = Area(snapshot, ordered, None, map_fn)
     frames = sum(placed.document.frames for placed in ordered)
     if frames * len(pattern.ones) <= MOST_CELLS or len(pattern.ones) < 2 * COARSE:
         return everything
     thinned = map(_thinned, everything.batches())
-    coarse = _ranked(thinned, pattern.every(COARSE), ordered, whole=True)
+    coarse = _ranked(everything, thinned, pattern.every(COARSE), whole=True)
     kept = slice(0, int(np.ceil(KEPT * len(coarse.costs))))
     margin = len(pattern.ones)
     starts = coarse.starts[kept] * COARSE - margin
     ends = coarse.ends[kept] * COARSE + margin
-    return Area(snapshot, ordered, _pieces(ordered, coarse.documents[kept], starts, ends))
+    return replace(everything, pieces=_pieces(ordered, coarse.documents[kept], starts, ends))
 
 
 def rank(area: Area, pattern: Pattern) -> Ranking:
@@ -129,7 +144,7 @@ def rank(area: Area, pattern: Pattern) -> Ranking:
     Ranking
         By cost, then document name, then start.
     """
-    return _ranked(area.batches(), pattern, area.documents)
+    return _ranked(area, area.batches(), pattern)
 
 
 def median_cost(area: Area, pattern: Pattern, ranking: Ranking) -> float:
@@ -150,33 +165,35 @@ def median_cost(area: Area, pattern: Pattern, ranking: Ranking) -> float:
     """
     costs = ranking.costs
     if area.pieces is not None:
-        costs = _ranked(_sampled(area), pattern, area.documents).costs
+        costs = _ranked(area, _sampled(area), pattern).costs
     return float(np.median(costs)) if len(costs) else 0.0
 
 
 def _ranked(
-    batches: Iterable[WordBatch],
-    pattern: Pattern,
-    documents: Sequence[Placed],
-    *,
-    whole: bool = False,
+    area: Area, batches: Iterable[WordBatch], pattern: Pattern, *, whole: bool = False
 ) -> Ranking:
     """Match every batch; `whole`: its documents are, even if frames are left out."""
-    numbers = {placed.document.name: number for number, placed in enumerate(documents)}
+    numbers = {placed.document.name: number for number, placed in enumerate(area.documents)}
     columns: list[tuple[IndexArray, IndexArray, IndexArray, FloatArray]] = []
-    for batch in batches:
-        trusted = pattern.without(batch.untrusted)
-        padded = True if whole else batch.at_ends
-        hits = pattern_hits(match_pattern(trusted, batch.words, batch.bounds, padded))
-        own = np.array([numbers[document.name] for document in batch.documents], dtype=np.int64)
-        first = batch.starts[hits.documents]
-        columns.append((own[hits.documents], first + hits.starts, first + hits.ends, hits.costs))
+    for names, hits in area.map_fn(partial(_matched, pattern, whole), batches):
+        own = np.array([numbers[name] for name in names], dtype=np.int64)
+        columns.append((own[hits.documents], hits.starts, hits.ends, hits.costs))
     if not columns:
         nothing = np.zeros(0, dtype=np.int64)
         return Ranking(nothing, nothing, nothing, np.zeros(0))
     number, starts, ends, costs = map(np.concatenate, zip(*columns, strict=True))
     order = np.lexsort((starts, number, costs))
     return Ranking(number[order], starts[order], ends[order], costs[order])
+
+
+def _matched(pattern: Pattern, whole: bool, batch: WordBatch) -> tuple[list[str], Hits]:
+    """Give the names of the pieces of a batch and the hits in them; runs in any process."""
+    trusted = pattern.without(batch.untrusted)
+    padded = True if whole else batch.at_ends
+    hits = pattern_hits(match_pattern(trusted, batch.words, batch.bounds, padded))
+    first = batch.starts[hits.documents]
+    names = [document.name for document in batch.documents]
+    return names, replace(hits, starts=first + hits.starts, ends=first + hits.ends)
 
 
 def _thinned(batch: WordBatch) -> WordBatch:

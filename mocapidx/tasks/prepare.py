@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Final, TypeAlias
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,8 +41,23 @@ __all__ = [
 
 PIECE: Final = 1 << 20
 
-Item: TypeAlias = tuple[Source, Document | None, Mapping[str, str]]
-"""What differs from one `Job` to the next: `source`, `known` and `facts`."""
+
+class Item(NamedTuple):
+    """What differs from one `Job` to the next."""
+
+    source: Source
+    known: Document | None
+    facts: Mapping[str, str]
+
+    @property
+    def weight(self) -> int:
+        """Bytes of the motion file."""
+        return self.source.weight
+
+    @property
+    def path(self) -> Path:
+        """Where the motion file is."""
+        return self.source.path
 
 
 @dataclass(frozen=True, slots=True)

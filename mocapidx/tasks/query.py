@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from mocapidx.errors import ParameterError
 from mocapidx.model import HitList
@@ -30,6 +30,9 @@ from mocapidx.tasks.query_example import (
 )
 from mocapidx.tasks.query_rank import RANKINGS, costs_by
 from mocapidx.tasks.read import ReadOptions
+
+if TYPE_CHECKING:
+    from mocapidx.tasks.parallel import MapFunction
 
 # What a plain query by example has no use for is imported where it is needed: it would take as
 # long to import as the query takes to answer.
@@ -83,6 +86,7 @@ def query_store(
     where: str | None = None,
     explain: bool = False,
     read: ReadOptions | None = None,
+    map_fn: "MapFunction | None" = None,
 ) -> Found:
     """Find every stretch of a store that answers a query.
 
@@ -122,6 +126,8 @@ def query_store(
         Say why there are hits, or why there is none.
     read : ReadOptions, optional
         How the example's file is understood.
+    map_fn : callable, optional
+        Asks the segment files, with the shape of ``map``; by default one after the other.
 
     Returns
     -------
@@ -155,7 +161,7 @@ def query_store(
         read or ReadOptions(),
     )
     _check(asking, kinds[0], select)
-    with open_archive(store, where) as archive:
+    with open_archive(store, where, map_fn) as archive:
         if scene is not None:
             return _by_scene(archive, scene, asking)
         if example is not None:

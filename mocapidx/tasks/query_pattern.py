@@ -2,17 +2,20 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from mocapidx.errors import ParameterError
+from mocapidx.model import IndexArray
 from mocapidx.printable import count, shown
-from mocapidx.queries.evaluate import evaluate, finder, in_documents
+from mocapidx.queries.evaluate import DocumentGroup, evaluate, finder, in_documents
 from mocapidx.queries.files import parse_pattern, parse_scene, read_query_text
 from mocapidx.queries.language import parse_short, pattern_from_steps
 from mocapidx.queries.pattern import Pattern, mirror_pattern, pattern_hits, restrict_pattern
 from mocapidx.queries.scene import Condition, Scene, join_scene, scene_spans
+from mocapidx.queries.source import Source
 from mocapidx.tasks.answers import Answer, Archive, Chosen, LookedAt
 from mocapidx.tasks.unspecified import told
 
@@ -143,46 +146,53 @@ def ask_scene(
             )
         asked.append(whole)
     scene = replace(scene, progressions=tuple(asked))
+    several = archive.each_file(partial(_scene_spans, scene, mode))
     return [
-        answer
-        for place in archive.files
-        for answer in _ask_file(place, scene, mode, label, mirrored)
+        _answer(place, group, scene, label, mirrored, found)
+        for place, of_groups in zip(archive.files, several, strict=True)
+        for group, found in zip(place.groups, of_groups, strict=True)
     ]
 
 
-def _ask_file(place: LookedAt, scene: Scene, mode: str, label: str, mirrored: bool) -> list[Answer]:
+def _scene_spans(
+    scene: Scene, mode: str, source: Source, groups: Sequence[DocumentGroup]
+) -> list[tuple[IndexArray, IndexArray] | None]:
+    """Find a scene in a segment file; runs in any process.
+
+    Of each group documents and spans; None where its documents can't be asked.
+    """
     tables = None
-    answers = []
-    for group in place.groups:
-        joined = np.zeros((0, len(scene.progressions)), np.int64)
-        documents, spans = np.zeros(0, np.int64), np.zeros((0, 2), np.int64)
-        able = not any(pattern.mask & group.untrusted for pattern in scene.progressions)
-        if able:
-            if tables is None:
-                find = finder(mode, scene.progressions[0])
-                tables = [pattern_hits(p, place.source, find) for p in scene.progressions]
-            own = [in_documents(table, place.source, group.documents) for table in tables]
-            joined = join_scene(scene, own, place.source)
-            spans = np.unique(scene_spans(scene, own, joined), axis=0)
-            documents = place.source.document_at(spans[:, 0])
-            spans = spans - place.source.first[documents, np.newaxis]
-            clear = told(place.file.documents, documents, spans, scene_mask(scene))
-            documents, spans = documents[clear], spans[clear]
-        pattern = scene.progressions[0] if able else None
-        answers.append(
-            Answer(
-                place,
-                documents,
-                spans,
-                label,
-                mirrored,
-                pattern,
-                spans,
-                np.zeros(len(spans)),
-                group,
-            )
-        )
-    return answers
+    found: list[tuple[IndexArray, IndexArray] | None] = []
+    for group in groups:
+        if any(pattern.mask & group.untrusted for pattern in scene.progressions):
+            found.append(None)
+            continue
+        if tables is None:
+            find = finder(mode, scene.progressions[0])
+            tables = [pattern_hits(p, source, find) for p in scene.progressions]
+        own = [in_documents(table, source, group.documents) for table in tables]
+        spans = np.unique(scene_spans(scene, own, join_scene(scene, own, source)), axis=0)
+        documents = source.document_at(spans[:, 0])
+        found.append((documents, spans - source.first[documents, np.newaxis]))
+    return found
+
+
+def _answer(
+    place: LookedAt,
+    group: DocumentGroup,
+    scene: Scene,
+    label: str,
+    mirrored: bool,
+    found: tuple[IndexArray, IndexArray] | None,
+) -> Answer:
+    documents, spans = np.zeros(0, np.int64), np.zeros((0, 2), np.int64)
+    if found is not None:
+        documents, spans = found
+        clear = told(place.file.documents, documents, spans, scene_mask(scene))
+        documents, spans = documents[clear], spans[clear]
+    pattern = None if found is None else scene.progressions[0]
+    costs = np.zeros(len(spans))
+    return Answer(place, documents, spans, label, mirrored, pattern, spans, costs, group)
 
 
 def scene_mask(scene: Scene) -> int:

@@ -4,11 +4,11 @@ import itertools
 import math
 import re
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Final, Literal, TypeAlias
+from typing import TYPE_CHECKING, Final, Literal, TypeAlias
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from mocapidx.store.read import open_store
 from mocapidx.tasks.hits import make_hit
 from mocapidx.tasks.preselection import Preselection, preselected, preselection_remarks
 from mocapidx.tasks.records import render_records
+from mocapidx.tasks.store_pieces import WordPiece, word_pieces
 from mocapidx.tasks.store_words import WordBatch, check_store, store_batches
 from mocapidx.tasks.threads import map_ahead
 from mocapidx.templates.file import load_templates
@@ -36,6 +37,9 @@ from mocapidx.templates.match import (
 from mocapidx.templates.quantise import Quantised, quantise
 from mocapidx.templates.template import TAU, MotionTemplate, TemplateSet
 from mocapidx.templates.thresholds import beaten_by_rivals, own_threshold
+
+if TYPE_CHECKING:
+    from mocapidx.tasks.parallel import MapFunction
 
 __all__ = ["KeyframeChoice", "RetrieveOptions", "Retrieved", "parse_keyframes", "retrieve"]
 
@@ -145,6 +149,7 @@ def retrieve(
     options: RetrieveOptions | None = None,
     *,
     profile: Path | None = None,
+    map_fn: "MapFunction | None" = None,
 ) -> Retrieved:
     """Find every occurrence of a motion class in a store.
 
@@ -158,6 +163,8 @@ def retrieve(
     profile : Path, optional
         Write the distance function of every document to this file: CSV with the columns
         document, frame, time (seconds) and cost, empty where no match can end.
+    map_fn : callable, optional
+        Runs the work, with the shape of ``map``; by default a few threads.
 
     Returns
     -------
@@ -187,10 +194,17 @@ def retrieve(
     with open_store(store) as snapshot:
         check_store(snapshot, known)
         preselection = None if options.keyframes == "none" else _preselection(own, options)
-        search = partial(_search, own, rivals, options, preselection, profile is not None)
+        search = partial(
+            _search, own, rivals, options, preselection, known.rate, label, profile is not None
+        )
         frames, seconds = np.zeros(2, np.int64), np.zeros(2)
-        for outcome in map_ahead(search, store_batches(snapshot)):
-            found += _described(outcome.hits, outcome.batch, known.rate, label)
+        if map_fn is None:
+            outcomes: Iterable[_Outcome] = map_ahead(search, store_batches(snapshot))
+        else:
+            several = map_fn(partial(_search_piece, search), word_pieces(snapshot))
+            outcomes = itertools.chain.from_iterable(several)
+        for outcome in outcomes:
+            found += outcome.hits
             curves += outcome.curves
             frames, seconds = frames + outcome.frames, seconds + outcome.seconds
         if preselection is not None:
@@ -205,12 +219,11 @@ def retrieve(
 class _Outcome:
     """What came of a batch.
 
-    Where the keyframes left of it, the hits, the distance functions if they are wanted; the
-    frames before and after the preselection, and the seconds of preselecting and of matching.
+    The hits, the distance functions if they are wanted; the frames before and after the
+    preselection, and the seconds of preselecting and of matching.
     """
 
-    batch: WordBatch
-    hits: Hits
+    hits: Sequence[Hit]
     curves: Sequence[Curve]
     frames: IndexArray
     seconds: FloatArray
@@ -221,10 +234,12 @@ def _search(
     rivals: Sequence[MotionTemplate],
     options: RetrieveOptions,
     preselection: Preselection | None,
+    rate: float,
+    label: str,
     profiled: bool,
     batch: WordBatch,
 ) -> _Outcome:
-    """Find the hits in a batch; runs in any thread."""
+    """Find the hits in a batch; runs in any thread or process."""
     times = [time.perf_counter()]
     left = batch if preselection is None else preselected(preselection, batch)
     times.append(time.perf_counter())
@@ -238,7 +253,12 @@ def _search(
         curves = tuple(_curves(left, matchings)) if profiled else ()
     times.append(time.perf_counter())
     frames = np.array([len(batch.words), len(left.words)])
-    return _Outcome(left, hits, curves, frames, np.diff(times))
+    described = tuple(_described(hits, left, rate, label))
+    return _Outcome(described, curves, frames, np.diff(times))
+
+
+def _search_piece(search: Callable[[WordBatch], _Outcome], piece: WordPiece) -> list[_Outcome]:
+    return [search(batch) for batch in piece.batches()]
 
 
 def _preselection(own: Sequence[MotionTemplate], options: RetrieveOptions) -> Preselection:

@@ -10,6 +10,7 @@ from mocapidx.errors import FeatureSetError, StoreError
 from mocapidx.features.featureset import PARTS, FeatureSet, parse_feature_set
 from mocapidx.index.build import first_positions
 from mocapidx.index.postings import InvertedLists, open_index
+from mocapidx.model import IndexArray
 from mocapidx.printable import shown
 from mocapidx.queries.column import Column
 from mocapidx.queries.evaluate import DocumentGroup
@@ -57,7 +58,12 @@ def store_feature_set(snapshot: Snapshot, *, checked: bool = False) -> FeatureSe
     return feature_set
 
 
-def segment_source(snapshot: Snapshot, file: SegmentFile, feature_set: FeatureSet) -> Source:
+def segment_source(
+    snapshot: Snapshot,
+    file: SegmentFile,
+    feature_set: FeatureSet,
+    lengths: IndexArray | None = None,
+) -> Source:
     """Give the runs and inverted lists of a segment file; nothing is read before it is needed.
 
     Parameters
@@ -67,12 +73,15 @@ def segment_source(snapshot: Snapshot, file: SegmentFile, feature_set: FeatureSe
         One of the snapshot's.
     feature_set : FeatureSet
         The store's.
+    lengths : ndarray of int64, shape (D,), optional
+        Frames of its documents, where `file` comes without them.
 
     Returns
     -------
     Source
     """
-    lengths = np.array([document.frames for document in file.documents], np.int64)
+    if lengths is None:
+        lengths = np.array([document.frames for document in file.documents], np.int64)
     opened: dict[str, InvertedLists] = {}
 
     def lists(part: str) -> InvertedLists:

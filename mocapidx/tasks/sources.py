@@ -32,6 +32,14 @@ class Source:
         """Where the file is."""
         return Path(self.root, self.name)
 
+    @property
+    def weight(self) -> int:
+        """Bytes of the file; 0 if it is gone."""
+        try:
+            return os.stat(self.path).st_size
+        except OSError:
+            return 0
+
 
 def find_sources(
     inputs: Sequence[Path], root: Path | None = None

@@ -24,6 +24,8 @@ __all__ = [
     "check_store",
     "cut_at_gaps",
     "document_words",
+    "neighbour_batches",
+    "neighbouring",
     "piece_batches",
     "store_batches",
 ]
@@ -54,6 +56,11 @@ class WordBatch:
     words: WordArray
     bounds: IndexArray
     untrusted: int
+
+    @property
+    def weight(self) -> int:
+        """Bytes of its words."""
+        return int(self.words.nbytes)
 
     @property
     def at_ends(self) -> tuple[BoolArray, BoolArray]:
@@ -140,13 +147,44 @@ def store_batches(store: Snapshot) -> Iterator[WordBatch]:
     WordBatch
         Neighbours with the same untrusted features go together.
     """
+    for neighbours in neighbouring(store):
+        yield from neighbour_batches(store, neighbours)
+
+
+def neighbouring(store: Snapshot) -> Iterator[Sequence[Placed]]:
+    """Group the live documents of each segment file by where they lie.
+
+    Parameters
+    ----------
+    store : Snapshot
+
+    Yields
+    ------
+    sequence of Placed
+        As many as are read at once.
+    """
     for file in store.files:
         live = (placed for placed in file.placed() if placed.document.live)
-        pieces = itertools.groupby(
-            live, lambda p: (p.frame_offset // BATCH_FRAMES, untrusted_mask(p.document))
-        )
-        for (_, untrusted), piece in pieces:
-            yield from cut_at_gaps(_batch(store, list(piece), untrusted))
+        for _, near in itertools.groupby(live, lambda p: p.frame_offset // BATCH_FRAMES):
+            yield list(near)
+
+
+def neighbour_batches(store: Snapshot, neighbours: Iterable[Placed]) -> Iterator[WordBatch]:
+    """Read neighbours of one segment file.
+
+    Parameters
+    ----------
+    store : Snapshot
+    neighbours : iterable of Placed
+        A group of `neighbouring`.
+
+    Yields
+    ------
+    WordBatch
+    """
+    alike = itertools.groupby(neighbours, lambda p: untrusted_mask(p.document))
+    for untrusted, piece in alike:
+        yield from cut_at_gaps(_batch(store, list(piece), untrusted))
 
 
 def _batch(store: Snapshot, piece: Sequence[Placed], untrusted: int) -> WordBatch:
