@@ -262,11 +262,14 @@ def _facts(placed: Sequence[Placed], pattern: str | None) -> Iterator[Mapping[st
 def _workers(jobs: int, cells: int) -> int:
     """Say how many processes are worth their start.
 
-    Matrix products on several threads differ in the last bits. Where this process may use
-    several, all products are left to others, which may not.
+    Matrix products on several threads differ in the last bits. Where this process has several,
+    all products are left to others that have one.
     """
-    alone = os.environ.get(THREADS[0]) == "1" or not cells
-    return max(1 if alone else 2, min(jobs, cells // JOB_CELLS + 1))
+    try:
+        alone = len(os.listdir("/proc/self/task")) == 1
+    except OSError:
+        alone = False
+    return max(1 if alone or not cells else 2, min(jobs, cells // JOB_CELLS + 1))
 
 
 @contextmanager
