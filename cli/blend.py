@@ -208,10 +208,12 @@ def make(
     """
     from mocapidx.tasks import blend as task
 
+    if picture is not None:
+        from mocapidx.tasks.blend_plot import draw_motion, picture_format
+
+        picture_format(picture)
     made = task.make_motion(space, at, parameter=parameter, rate=rate, output=output)
     if picture is not None:
-        from mocapidx.tasks.blend_plot import draw_motion
-
         draw_motion(made, picture)
     print_rows(task.aim_records(made), row_format, Path("-"), task.AIM_COLUMNS)
     note(task.made_summary(made), quiet)

@@ -1,5 +1,6 @@
 """Turn found motion into a space of motion, and make new motion from it."""
 
+import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -93,6 +94,8 @@ def fit_blend_space(
         If there are too few examples, or they can't be aligned.
     StoreError, WriteError
     """
+    if output is not None:
+        _check_folder(Path(output))
     what = load_parameters(parameter)
     registered, origins = read_examples(Path(hits), examples or ExampleOptions())
     space = fit_space(registered, origins, what, options or FitOptions())
@@ -207,7 +210,17 @@ def make_motion(
     return made
 
 
+def _check_folder(path: Path) -> None:
+    """Say before any work is done that its result would have no place."""
+    folder = Path(os.path.realpath(path)).parent
+    if not folder.is_dir():
+        raise ParameterError(
+            f"{shown(path, None)}: there is no folder {shown(folder, None)}; make it first"
+        )
+
+
 def _check_output(path: Path, space: BlendSpace) -> None:
+    _check_folder(path)
     suffix = path.suffix.lower()
     if suffix not in FORMATS:
         raise ParameterError(f"{shown(path, None)}: new motion is written as .bvh or .amc")

@@ -17,7 +17,7 @@ from mocapidx.synthesis.spaces import BlendSpace, MotionFunction, reach
 from mocapidx.tasks.blend import Made, open_space
 from mocapidx.tasks.parameter_files import load_parameters
 
-__all__ = ["draw_motion", "draw_space"]
+__all__ = ["draw_motion", "draw_space", "picture_format"]
 
 
 def draw_space(
