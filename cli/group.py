@@ -10,7 +10,7 @@ import click
 
 from mocapidx.errors import Interrupted, MocapidxError, WriteError
 
-from .main import COMMANDS, fail, heard
+from .main import COMMANDS, SECTIONS, fail, heard
 from .settings import defaults, load, settings_options
 
 __all__ = ["mocapidx", "run"]
@@ -68,15 +68,18 @@ class CommandGroup(click.Group):
         ]
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """List the commands from the table, importing none."""
-        with formatter.section("Commands"):
-            formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
+        """List the commands from the table, a section for each purpose, importing none."""
+        width = max(map(len, COMMANDS))
+        for title, commands in SECTIONS.items():
+            with formatter.section(title):
+                formatter.write_dl([(f"{n:{width}}", text) for n, (_, text) in commands.items()])
 
 
 @click.group(
     cls=CommandGroup,
     context_settings={"help_option_names": ["-h", "--help"]},
-    epilog="Start with: mocapidx index MY_TAKES --store takes.store",
+    epilog="Start with: mocapidx index MY_TAKES --store takes.store\n\n"
+    "More of a command: mocapidx query --help",
 )
 @click.version_option(package_name="mocapidx", prog_name="mocapidx")
 @click.option("--debug", is_flag=True, help="Show a traceback where something fails.")

@@ -16,35 +16,50 @@ from typing import Any, NoReturn
 from mocapidx.errors import Interrupted, WriteError
 from mocapidx.printable import shown
 
-__all__ = ["COMMANDS", "fail", "heard", "main", "say"]
+__all__ = ["COMMANDS", "SECTIONS", "fail", "heard", "main", "say"]
 
-COMMANDS = {
-    "index": ("index:index", "Read motion files and folders into a store."),
-    "query": ("query:query", "Find every place in a store that moves like an example."),
-    "learn-mt": ("learn_mt:learn_mt", "Learn a motion template for each label."),
-    "retrieve": ("retrieve:retrieve", "Find all occurrences of a motion class, best first."),
-    "annotate": ("annotate:annotate", "Say which motion class occurs when."),
-    "template": ("template:template", "Look at motion templates and change them by hand."),
-    "web": ("web:web", "Compare all motion of a store, for 'match' to search in."),
-    "match": ("match:match", "Find what moves like a stretch, through what is in between."),
-    "evaluate": ("evaluate:evaluate", "Measure hits or annotations against labels."),
-    "blend": ("blend:blend", "Make new motion from found motion: steered blends."),
-    "plot": ("plot:plot", "Draw features, lists, templates, distances, annotations."),
-    "report": ("report:report", "Write a page on which hits and annotations move."),
-    "export": ("export:export", "Cut hits out of their motion files, a clip each."),
-    "info": ("info:info", "Show what a store holds, or what is known of one document."),
-    "verify": ("verify:verify", "Check every byte of a store; repair what can be rebuilt."),
-    "merge": ("merge:merge", "Join stores that independent jobs built."),
-    "compact": ("compact:compact", "Merge the segment files of a store."),
-    "reindex": ("reindex:reindex", "Make a store of another feature set from a store's poses."),
-    "features": ("features:features", "Look at feature sets, try them, learn thresholds."),
-    "align": ("align:align", "Say which frame of one motion goes with which of another."),
-    "skeleton": ("skeleton:skeleton", "Show how a file's skeleton is understood, and why."),
-    "doctor": ("doctor:doctor", "Examine motion files: what is recognised, what is not sound."),
-    "config": ("config:config", "Show settings from files, and where each value comes from."),
-    "completion": ("completion:completion", "Make a shell complete commands and options."),
-    "man": ("man:man", "Write the manual pages."),
+SECTIONS = {
+    "Take in motion": {
+        "index": ("index:index", "Read motion files and folders into a store."),
+        "doctor": ("doctor:doctor", "Examine motion files: what is recognised, what is not sound."),
+        "skeleton": ("skeleton:skeleton", "Show how a file's skeleton is understood, and why."),
+    },
+    "Find what is like an example": {
+        "query": ("query:query", "Find every place in a store that moves like an example."),
+        "web": ("web:web", "Compare all motion of a store, for 'match' to search in."),
+        "match": ("match:match", "Find what moves like a stretch, through what is in between."),
+    },
+    "Learn motion classes, find them": {
+        "learn-mt": ("learn_mt:learn_mt", "Learn a motion template for each label."),
+        "retrieve": ("retrieve:retrieve", "Find all occurrences of a motion class, best first."),
+        "annotate": ("annotate:annotate", "Say which motion class occurs when."),
+        "evaluate": ("evaluate:evaluate", "Measure hits or annotations against labels."),
+        "template": ("template:template", "Look at motion templates and change them by hand."),
+        "features": ("features:features", "Look at feature sets, try them, learn thresholds."),
+    },
+    "Look": {
+        "report": ("report:report", "Write a page on which hits and annotations move."),
+        "plot": ("plot:plot", "Draw features, lists, templates, distances, annotations."),
+        "align": ("align:align", "Say which frame of one motion goes with which of another."),
+        "info": ("info:info", "Show what a store holds, or what is known of one document."),
+    },
+    "Take along": {
+        "export": ("export:export", "Take hits along: clips, or annotations for other programs."),
+        "blend": ("blend:blend", "Make new motion from found motion: steered blends."),
+    },
+    "Look after stores": {
+        "verify": ("verify:verify", "Check every byte of a store; repair what can be rebuilt."),
+        "merge": ("merge:merge", "Join stores that independent jobs built."),
+        "compact": ("compact:compact", "Merge the segment files of a store."),
+        "reindex": ("reindex:reindex", "Make a store of another feature set from a store's poses."),
+    },
+    "The program itself": {
+        "config": ("config:config", "Show settings from files, and where each value comes from."),
+        "completion": ("completion:completion", "Make a shell complete commands and options."),
+        "man": ("man:man", "Write the manual pages."),
+    },
 }
+COMMANDS = {name: row for section in SECTIONS.values() for name, row in section.items()}
 COLOURS = {"Error": "1;31", "Warning": "1;33"}  # bold red and yellow
 heard: list[int] = []  # the signal that asked us to stop
 STOP_SIGNALS = (signal.SIGTERM, signal.SIGHUP, signal.SIGINT)
