@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from mocapidx.tasks.info import document_info, store_info
     from mocapidx.tasks.learn import find_labels, learn_classes
     from mocapidx.tasks.learn_thresholds import learn_feature
+    from mocapidx.tasks.match import match_store
+    from mocapidx.tasks.match_graphs import read_graph
     from mocapidx.tasks.merge import merge_stores
     from mocapidx.tasks.oneshot import query_auto
     from mocapidx.tasks.query import query_store
@@ -32,6 +34,7 @@ if TYPE_CHECKING:
     from mocapidx.tasks.skeleton_report import skeleton_report
     from mocapidx.tasks.transcribe import export_transcripts
     from mocapidx.tasks.verify import verify_store
+    from mocapidx.tasks.web import build_web, web_info
     from mocapidx.templates.file import load_templates
     from mocapidx.templates.template import MotionTemplate
 
@@ -43,6 +46,7 @@ __all__ = [
     "Store",
     "align_motions",
     "annotate_motion",
+    "build_web",
     "compact_store",
     "document_info",
     "examine",
@@ -58,16 +62,19 @@ __all__ = [
     "load_templates",
     "make_motion",
     "make_report",
+    "match_store",
     "merge_stores",
     "open_store",
     "query_auto",
     "query_store",
+    "read_graph",
     "read_motion",
     "reindex_store",
     "retrieve",
     "skeleton_report",
     "store_info",
     "verify_store",
+    "web_info",
 ]
 
 _HOMES = {
@@ -78,14 +85,15 @@ _HOMES = {
     "Store": "store.read:Snapshot",
     "align_motions": "tasks.align:align_motions",
     "annotate_motion": "tasks.annotate:annotate_motion",
+    "build_web": "tasks.web:build_web",
     "compact_store": "tasks.index:compact_store",
     "document_info": "tasks.info:document_info",
+    "examine": "tasks.doctor:examine",
     "export_clips": "tasks.export:export_clips",
     "export_transcripts": "tasks.transcribe:export_transcripts",
-    "examine": "tasks.doctor:examine",
     "extract_features": "features.extract:extract_features",
-    "fit_blend_space": "tasks.blend:fit_blend_space",
     "find_labels": "tasks.learn:find_labels",
+    "fit_blend_space": "tasks.blend:fit_blend_space",
     "index_files": "tasks.index:index_files",
     "learn_classes": "tasks.learn:learn_classes",
     "learn_feature": "tasks.learn_thresholds:learn_feature",
@@ -93,16 +101,19 @@ _HOMES = {
     "load_templates": "templates.file:load_templates",
     "make_motion": "tasks.blend:make_motion",
     "make_report": "tasks.report:make_report",
+    "match_store": "tasks.match:match_store",
     "merge_stores": "tasks.merge:merge_stores",
     "open_store": "store.read:open_store",
     "query_auto": "tasks.oneshot:query_auto",
     "query_store": "tasks.query:query_store",
+    "read_graph": "tasks.match_graphs:read_graph",
     "read_motion": "tasks.read:read_motion",
     "reindex_store": "tasks.reindex:reindex_store",
     "retrieve": "tasks.retrieve:retrieve",
     "skeleton_report": "tasks.skeleton_report:skeleton_report",
     "store_info": "tasks.info:store_info",
     "verify_store": "tasks.verify:verify_store",
+    "web_info": "tasks.web:web_info",
 }
 
 

@@ -22,6 +22,7 @@ __all__ = [
     "Section",
     "Unit",
     "grid_stride",
+    "in_units",
     "pair_paths",
     "section_margin",
     "sections",
@@ -164,7 +165,7 @@ def pair_paths(
             diagonal = other.section.start - one.section.start
         grid = distance_grid(*clouds, diagonal=diagonal)
         grid_rate = rate / grid_stride(rate)
-        paths = _in_units(find_paths(grid, grid_rate, rules, diagonal=diagonal))
+        paths = in_units(find_paths(grid, grid_rate, rules, diagonal=diagonal))
         origin = one.section.start, other.section.start
         found.append(encode_paths(paths, *origin) if paths.chains else b"")
     return found
@@ -191,8 +192,19 @@ def _whole_joints(poses: FloatArray) -> BoolArray:
     return np.asarray(np.isfinite(poses).all(axis=(0, 2)))
 
 
-def _in_units(paths: GridPaths) -> GridPaths:
-    """Round distances to what is kept of them."""
+def in_units(paths: GridPaths) -> GridPaths:
+    """Round the distances of paths to what is kept of them.
+
+    Parameters
+    ----------
+    paths : GridPaths
+        In steps of grids.
+
+    Returns
+    -------
+    GridPaths
+        In `METRES_A_UNIT`.
+    """
     ratio = round(METRES_A_UNIT / METRES_A_STEP)
     values, inner_values = (
         ((values.astype(np.uint32) + ratio // 2) // ratio).astype(np.uint16)
