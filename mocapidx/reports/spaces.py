@@ -176,7 +176,7 @@ def poses_picture(
                 _draw_pose(axes, x, positions[frame, :, 1], faint=False)
                 axes.annotate(
                     f"{frame / rate:.2f} s",
-                    (place * gap, 0),
+                    (float(x[INDEX["root"]]), 0),
                     xytext=(0, -11),
                     textcoords="offset points",
                     ha="center",

@@ -102,7 +102,7 @@ def draw_motion(made: Made, picture: str | Path) -> None:
     """
     path = Path(picture)
     suffix = picture_format(path)
-    asked = ", ".join(f"{value:g}" for value in made.target)
+    asked = ", ".join(f"{value:.4g}" for value in made.target)
     title = f"new motion at {asked}"
     durable_replace(
         path,
