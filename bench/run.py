@@ -89,6 +89,7 @@ def title(motion: str, quick: bool) -> str:
         f"Python {platform.python_version()}, NumPy {np.__version__}, {sys.platform} on "
         f"{platform.machine()}, {cores} cores, kernels: {kernels_in_use()}, {motion} motion"
         + (", quick" if quick else "")
+        + (f"; {os.getloadavg()[0]:.1f} processes ran before" if hasattr(os, "getloadavg") else "")
     )
 
 
