@@ -52,7 +52,7 @@ def draw(sections: Mapping[str, Sequence[Row]], path: Path) -> None:
         ylabel="times as long",
         title="Growth, the first of each section (slope)",
     )
-    lines.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.1))
+    figure.legend(fontsize=7, loc="outside lower right")
     figure.savefig(path, dpi=120)
     plt.close(figure)
 
