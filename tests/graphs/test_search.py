@@ -15,6 +15,7 @@ from mocapidx.graphs.sequences_python import find_sequences_python
 from mocapidx.graphs.sweep import SweepStep, chosen_step, sweep_web
 from mocapidx.kernels.choice import compiled
 from tests.graphs.test_paths import smooth_grid
+from tests.made_webs import gesture
 from tests.naive_webs import least_path
 
 ALL = np.ones(24, dtype=bool)
@@ -44,17 +45,6 @@ class SmallWeb:
 
     def pieces(self, document):
         return self.parts.get(document, [])
-
-
-def gesture(phase=0.0, speed=1.0, size=1.0, frames=60, before=15, seed=0):
-    """Somebody stands, swings an arm once and stands again."""
-    random = np.random.default_rng(seed)
-    rest = np.random.default_rng(1).normal(size=(24, 3)) * 0.3 + [0.0, 1.0, 0.0]
-    times = np.clip((np.arange(frames) - before) * speed / 30, 0, 1)
-    poses = np.repeat(rest[None], frames, axis=0)
-    poses[:, 20:24, 1] += size * 0.6 * np.sin(np.pi * times)[:, None]
-    poses[:, 20:24, 0] += size * 0.3 * np.sin(2 * np.pi * times)[:, None]
-    return poses + np.cumsum(random.normal(size=poses.shape) * 0.002, axis=0)
 
 
 @pytest.fixture(scope="module")
