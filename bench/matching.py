@@ -64,7 +64,7 @@ def one_template(bench: Bench, template: Quantised, words: WordArray) -> Iterato
 
         return match
 
-    peers = matchers(lambda: masked_costs(template, words))
+    peers = matchers(lambda: masked_costs(template, words), rows, len(words))
     seconds = interleaved({"c": ours("c"), "numpy": ours("numpy"), "limit": product, **peers}, 3)
     growth = grow(lambda n: ours("c", np.resize(words, len(words) * n // 4)), bench.times)
     aims = {("c", "libfmp"): 30, ("c", "librosa"): 60, ("numpy", "libfmp"): 5}
@@ -74,7 +74,7 @@ def one_template(bench: Bench, template: Quantised, words: WordArray) -> Iterato
             yield Row(
                 f"match {rows} columns with {bench.minutes} minutes, {kernel}",
                 seconds[kernel],
-                f"{name}, its costs made",
+                "stumpy, one series unwarped" if name == "stumpy" else f"{name}, its costs made",
                 seconds[name],
                 LIMIT,
                 least_seconds(rows * len(words), seconds["limit"]),

@@ -67,8 +67,12 @@ def kinematics_with_rotation(
     return places
 
 
-def matchers(costs: Callable[[], np.ndarray]) -> dict[str, Callable[[], object]]:
+def matchers(
+    costs: Callable[[], np.ndarray], rows: int, frames: int
+) -> dict[str, Callable[[], object]]:
     """Give libfmp's and librosa's subsequence DTW of the same steps, costs made for each call.
+
+    And stumpy's distance profile of a series as long, for context.
 
     Numba compiles them at their first call, which is not to be counted.
     """
@@ -86,7 +90,13 @@ def matchers(costs: Callable[[], np.ndarray]) -> dict[str, Callable[[], object]]
             backtrack=False,
         )
 
+    import stumpy
+
+    series = np.random.default_rng(1).random(frames)
+
     return {
         "libfmp": lambda: compute_accumulated_cost_matrix_subsequence_dtw_21(costs()),
         "librosa": with_librosa,
+        # No warping, and one number a frame: something else, for context.
+        "stumpy": lambda: stumpy.mass(series[:rows], series),
     }
