@@ -1,6 +1,7 @@
 """A local Dask cluster in a process of its own, which tests may kill."""
 
 import json
+import os
 import subprocess
 import sys
 from contextlib import contextmanager
@@ -12,7 +13,8 @@ import dask
 from distributed import LocalCluster, Nanny
 def main():
     with dask.config.set(json.loads(sys.argv[2])), LocalCluster(
-        n_workers=int(sys.argv[1]), threads_per_worker=1, dashboard_address=None,
+        n_workers=int(sys.argv[1]), threads_per_worker=1, dashboard_address="127.0.0.1:0",
+        scheduler_kwargs={"dashboard": False},
         memory_limit=sys.argv[3], silence_logs=logging.CRITICAL + 1,
     ) as cluster:
         print(json.dumps(cluster.scheduler_address), flush=True)
@@ -42,13 +44,19 @@ class Cluster:
 
 
 @contextmanager
-def made_cluster(folder, workers, memory="1GB"):
-    """Start a scheduler with workers here; all are gone at the end."""
+def made_cluster(folder, workers, memory="1GB", preload=()):
+    """Start a scheduler with workers here, which run `preload` first; all are gone at the end."""
     script = folder / "cluster.py"
     script.write_text(CODE)
-    command = [sys.executable, script, str(workers), json.dumps(SETTINGS), memory]
+    settings = json.dumps(SETTINGS | {"distributed.worker.preload": list(preload)})
+    command = [sys.executable, script, str(workers), settings, memory]
     with subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+        command,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
     ) as process:
         try:
             yield Cluster(json.loads(process.stdout.readline()), process)

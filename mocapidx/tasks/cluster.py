@@ -95,24 +95,26 @@ def cluster_mapping(scheduler: str) -> Iterator[MapFunction]:
         ) from exc
     make_cluster: Any = distributed.LocalCluster
     connect: Any = distributed.Client
-    for name in CHATTY:
-        logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+    for name in {*CHATTY, *logging.root.manager.loggerDict}:
+        if name.partition(".")[0] in CHATTY:  # some of their children have levels of their own
+            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
     under_way: list[Generator[Any, None, None]] = []
     resource_tracker.ensure_running()  # it would take our signal mask away from the first worker
     with dask.config.set(SETTINGS):
         cluster = None
         try:
-            with deaf():  # Ctrl-C reaches the whole group; we stop the workers ourselves
+            # Ctrl-C reaches the whole group; we stop the workers ourselves.
+            with deaf(), warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # of other versions of Dask
                 if local:
                     cluster = make_cluster(
                         n_workers=int(local[1]),
                         threads_per_worker=1,
-                        dashboard_address=None,
-                        silence_logs=logging.CRITICAL,
+                        dashboard_address="127.0.0.1:0",
+                        scheduler_kwargs={"dashboard": False},
+                        silence_logs=logging.CRITICAL + 1,
                     )
-                with warnings.catch_warnings():
-                    warnings.simplefilter("ignore")  # of other versions of Dask
-                    client = connect(cluster or scheduler, timeout=CONNECT_SECONDS)
+                client = connect(cluster or scheduler, timeout=CONNECT_SECONDS)
         except (OSError, TimeoutError) as exc:
             raise ParameterError(
                 f"{shown(scheduler)}: no scheduler answers there ({type(exc).__name__}); start "
