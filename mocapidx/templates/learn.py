@@ -1,7 +1,8 @@
 """Learn one motion template from examples of a motion class.
 
 All examples are warped onto one of them, averaged, and unwarped back to real time. Each example
-is the reference once; the averages are the examples of the next pass, until they stay the same.
+is the reference once, or 64 of them where there are more; the averages are the examples of the next
+pass, until they stay the same.
 """
 
 from collections.abc import Sequence
@@ -18,6 +19,7 @@ __all__ = ["SHORTEST_EXAMPLE", "Learned", "average", "learn_template", "unwarp",
 SHORTEST_EXAMPLE = 3  # frames
 SETTLED = 0.01  # mean absolute change of an entry below which a pass has changed nothing
 MOST_PASSES = 20
+MOST_REFERENCES = 64  # more would cost the square of their number and change nothing to speak of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,11 +91,11 @@ def _iterate(examples: Sequence[FloatArray]) -> tuple[FloatArray, int]:
     """Pass after pass until the templates settle; their medoid and the number of passes."""
     templates = list(examples)
     weights: list[FloatArray] = [np.ones(len(example)) for example in examples]
+    references = _references(len(examples))
     for passes in range(1, MOST_PASSES + 1):
         before = templates
-        pairs = [
-            unwarp(*average(reference, templates, weights)) for reference in range(len(examples))
-        ]
+        pairs = [unwarp(*average(reference, templates, weights)) for reference in references]
+        references = range(len(pairs))
         templates = [matrix for matrix, _ in pairs]
         weights = [weight for _, weight in pairs]
         # After the first pass all have one length, and not before.
@@ -104,6 +106,14 @@ def _iterate(examples: Sequence[FloatArray]) -> tuple[FloatArray, int]:
     everything = np.array(templates)
     distances = [np.abs(everything - template).sum() for template in templates]
     return templates[int(np.argmin(np.round(distances, 9)))], passes
+
+
+def _references(examples: int) -> Sequence[int]:
+    """Choose the examples that all are warped onto: each of them, or enough of very many."""
+    if examples <= MOST_REFERENCES:
+        return range(examples)
+    chosen: list[int] = np.linspace(0, examples - 1, MOST_REFERENCES).round().astype(int).tolist()
+    return chosen
 
 
 def average(

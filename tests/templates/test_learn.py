@@ -6,7 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mocapidx.alignment.dtw import align
 from mocapidx.errors import ParameterError
+from mocapidx.templates import learn
 from mocapidx.templates.learn import average, learn_template, unwarp, warp
 from tests import naive_alignment as naive
 
@@ -136,3 +138,21 @@ def test_the_average_follows_the_definition_with_exact_fractions():
 def test_examples_that_nothing_can_be_learned_from_are_refused(examples, complaint):
     with pytest.raises(ParameterError, match=complaint):
         learn_template(examples)
+
+
+def test_very_many_examples_cost_no_more_than_their_number(monkeypatch):
+    rng = np.random.default_rng(5)
+    pattern = rng.random((8, 5)) < 0.5
+    examples = [stretched(rng, pattern) for _ in range(90)]
+    calls = []
+
+    def counted(reference, matrices):
+        calls.append(len(matrices))
+        return align(reference, matrices)
+
+    monkeypatch.setattr(learn, "align", counted)
+    learned = learn_template(examples)
+    assert calls.count(90) == 64 + 1  # each reference once, and the spread at the end
+    assert len(learned.spread) == 90
+    few = learn_template(examples[:60])
+    assert abs(learned.matrix.mean() - few.matrix.mean()) < 0.05
