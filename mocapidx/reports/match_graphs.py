@@ -1,12 +1,13 @@
-"""Match graphs as pictures: the query in the middle, around it what was found, step by step."""
+"""Match graphs as pictures: a pose for the query and for each match, the nearest first."""
 
+import heapq
 import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from mocapidx.graphs.match_graph import MatchGraph, shortest_paths
+from mocapidx.graphs.match_graph import MatchEdge, MatchGraph
 from mocapidx.model import FloatArray
 from mocapidx.printable import count, shown
 from mocapidx.reports.style import ACCENT, FAINT, INK, drawing, new_figure, render
@@ -22,8 +23,8 @@ MOST_DRAWN: Final = 60
 
 INCHES: Final = 9.0
 NAME_LENGTH: Final = 22
-FIGURE_HEIGHT: Final = 0.62
-"""Of a stick figure of two metres, where two rings are 1 apart."""
+FIGURE_HEIGHT: Final = 0.6
+"""Of a stick figure of two metres, where neighbours are 1 apart."""
 
 
 def match_graph_picture(
@@ -49,9 +50,9 @@ def match_graph_picture(
     .. [1] Kovar, Gleicher, SIGGRAPH 2004, figure 10.
     """
     drawn = min(len(graph.nodes), MOST_DRAWN)
-    before = shortest_paths(graph).before
-    places = _places(before[:drawn])
     edges = [edge for edge in graph.edges if edge.second < drawn]
+    before = _spanning_tree(edges, drawn)
+    places = _places(drawn)
     left_out = len(graph.nodes) - drawn
     with drawing():
         from matplotlib.cm import ScalarMappable
@@ -67,13 +68,12 @@ def match_graph_picture(
             axes.plot(
                 *ends.T,
                 color=colours.to_rgba(np.array([edge.cost]))[0],
-                linewidth=1.6 if on_tree else 0.5,
-                alpha=0.9 if on_tree else 0.35,
+                linewidth=2.2 if on_tree else 0.5,
+                alpha=0.8 if on_tree else 0.12,
                 zorder=1 if on_tree else 0,
             )
-        size = FIGURE_HEIGHT * _room(places)
         for number in range(drawn):
-            _draw_node(axes, graph, number, places[number], poses[number], size)
+            _draw_node(axes, graph, number, places[number], poses[number])
         axes.set_aspect("equal")
         axes.set_axis_off()
         axes.margins(0.1)
@@ -81,8 +81,8 @@ def match_graph_picture(
         bar.set_label("average distance of aligned frames, metres", color=INK)
         more = f"; {count(left_out, 'further match', 'further matches')} not drawn"
         axes.set_title(
-            f"epsilon {graph.epsilon:g} m{more if left_out else ''}; thick lines: the shortest "
-            "paths from the query, in the middle",
+            f"epsilon {graph.epsilon:g} m{more if left_out else ''}; thick lines: the tree of "
+            "the cheapest edges; in the order of their distances from the query, upper left",
             loc="left",
             color=FAINT,
             fontsize=7.5,
@@ -90,40 +90,30 @@ def match_graph_picture(
         return render(figure, suffix)
 
 
-def _places(before: Sequence[int]) -> FloatArray:
-    """Lay a tree out on rings: each branch gets as much of the circle as it has leaves."""
-    children: list[list[int]] = [[] for _ in before]
-    for node, parent in enumerate(before):
-        if 0 <= parent < len(before):
-            children[parent].append(node)
-    order, depth = [0], [0] * len(before)
-    for node in order:
-        for child in children[node]:
-            depth[child] = depth[node] + 1
-            order.append(child)
-    leaves = [1] * len(before)
-    for node in reversed(order):
-        leaves[node] = max(1, sum(leaves[child] for child in children[node]))
-    start = [0.0] * len(before)
-    places = np.zeros((len(before), 2))
-    radius = max(1.0, leaves[0] / (2 * math.pi))
-    for node in order:
-        angle = 2 * math.pi * (start[node] + leaves[node] / 2) / leaves[0] + math.pi / 2
-        places[node] = depth[node] * radius * np.array([math.cos(angle), math.sin(angle)])
-        at = start[node]
-        for child in children[node]:
-            start[child] = at
-            at += leaves[child]
-    return places
+def _spanning_tree(edges: Sequence[MatchEdge], nodes: int) -> list[int]:
+    """Join the nodes to the query by the edges that cost the least; -1 has no node before it."""
+    neighbours: list[list[tuple[float, int, int]]] = [[] for _ in range(nodes)]
+    for edge in edges:
+        neighbours[edge.first].append((edge.cost, edge.first, edge.second))
+        neighbours[edge.second].append((edge.cost, edge.second, edge.first))
+    before, joined = [-1] * nodes, {0}
+    waiting = list(neighbours[0])
+    heapq.heapify(waiting)
+    while waiting:
+        _, parent, node = heapq.heappop(waiting)
+        if node not in joined:
+            joined.add(node)
+            before[node] = parent
+            for entry in neighbours[node]:
+                heapq.heappush(waiting, entry)
+    return before
 
 
-def _room(places: FloatArray) -> float:
-    """Give the least distance of two nodes, within reason."""
-    if len(places) < 2:
-        return 1.0
-    gaps = np.linalg.norm(places[:, None] - places[None], axis=2)
-    np.fill_diagonal(gaps, np.inf)
-    return float(np.clip(gaps.min(), 0.5, 1.5))
+def _places(nodes: int) -> FloatArray:
+    """Lay the nodes out row by row, the query at the upper left, the nearest after it."""
+    columns = math.ceil(math.sqrt(nodes))
+    numbers = np.arange(nodes)
+    return np.column_stack((numbers % columns, -(numbers // columns))).astype(np.float64)
 
 
 def _draw_node(
@@ -132,21 +122,20 @@ def _draw_node(
     number: int,
     place: FloatArray,
     pose: FloatArray,
-    size: float,
 ) -> None:
     node = graph.nodes[number]
     colour = ACCENT if number == 0 else INK
-    points = _upright(pose) * size / 2.0 + place
+    points = _upright(pose) * FIGURE_HEIGHT / 2.0 + place
     for joint, parent in enumerate(PARENTS):
         if parent >= 0 and np.isfinite(points[[joint, parent]]).all():
             ends = points[[joint, parent]]
             axes.plot(*ends.T, color=colour, linewidth=1.4, solid_capstyle="round", zorder=3)
-    axes.plot(*place, "o", color="white", markersize=size * 26, zorder=2, alpha=0.75)
+    axes.plot(*place, "o", color="white", markersize=15, zorder=2, alpha=0.6)
     name = shown(node.document.rpartition("/")[2].rpartition(".")[0] or node.document, NAME_LENGTH)
     label = f"{name}\n{node.start_frame / graph.rate:.1f} s"
     if number:
         label += f", {node.distance:.2f} m"
-    below = place - np.array([0.0, size * 0.62])
+    below = place - np.array([0.0, 0.33])
     axes.text(
         below[0], below[1], label, ha="center", va="top", fontsize=4.5, color=colour, zorder=4
     )
