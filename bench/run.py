@@ -26,6 +26,7 @@ from bench import (
     queries,
     reading,
     startup,
+    webs,
 )
 from bench.corpus import find_bench
 from bench.table import HEADER, Row, line
@@ -41,6 +42,7 @@ SECTIONS: dict[str, Callable[..., Iterator[Row]]] = {
     "annotation": matching.measure_annotation,
     "oneshot": oneshot.measure,
     "alignment": alignment.measure,
+    "webs": webs.measure,
     "archive": large.measure,
 }
 
