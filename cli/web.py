@@ -29,10 +29,15 @@ def web() -> None:
     A match web holds every pair of stretches that could be similar, at about a byte for each
     pair of frames on the way. Building one takes time and grows with the square of the store;
     searching in it takes milliseconds.
+
+    \b
+    Example:
+      mocapidx web build takes.store --output takes.web
+      mocapidx web info takes.web
     """
 
 
-@web.command()
+@web.command(short_help="Build a match web, or add what is new.")
 @store_argument
 @click.option(
     "--output",
