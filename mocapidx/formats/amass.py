@@ -23,6 +23,7 @@ __all__ = ["AMASS_KEYS", "amass_recording"]
 
 AMASS_KEYS: Final = ("poses", "trans", "betas")
 LARGEST_SHAPE: Final = 100.0  # people lie within 5 or so
+LARGEST_ANGLE: Final = 1e6  # radians
 WIDTHS: Final = {66: "SMPL body", 72: "SMPL", 156: "SMPL-H", 165: "SMPL-X"}
 TEMPLATE: Final = (
     # name, parent, offset in metres: a person of 1.73 m with arms stretched out, left is +x
@@ -94,6 +95,8 @@ def amass_recording(
     vectors = poses[:, : 3 * TURNING].reshape(len(poses), TURNING, 3)
     if not (np.isfinite(vectors).all() and np.isfinite(trans).all()):
         raise FormatError(f"{where}: holds numbers that are not finite; is it damaged?")
+    if (np.abs(vectors) > LARGEST_ANGLE).any():
+        raise FormatError(f"{where}: 'poses' hold what is no angle in radians; is it damaged?")
     names, parents, places = zip(*TEMPLATE, strict=True)
     offsets = np.array(places, dtype=np.float64)
     nodes = np.concatenate(([0, 0, 0], np.repeat(np.arange(TURNING), 3)))

@@ -2,6 +2,7 @@
 
 import io
 import math
+import sys
 import warnings
 import zipfile
 from collections.abc import Collection
@@ -214,4 +215,6 @@ def _array(where: str, data: bytes) -> Array:
     if not kind.itemsize:
         return np.zeros(0, kind)
     flat = np.frombuffer(data, dtype=kind, count=count, offset=stream.tell())
+    if kind.kind == "U" and (flat.view(f"{kind.byteorder}u4") > sys.maxunicode).any():
+        raise FormatError(f"{where}: holds names of what is no character; is it damaged?")
     return flat.reshape(shape, order="F" if fortran else "C")

@@ -133,7 +133,8 @@ def _rate(layout: C3dLayout) -> float:
 def _positions(layout: C3dLayout, data: bytes, kept: list[int]) -> FloatArray:
     """Return the points at `kept`, NaN where the fourth number says that one was not seen."""
     values = _values(layout, data)[:, kept]
-    positions: FloatArray = values[:, :, :3].astype(np.float64)
+    with np.errstate(invalid="ignore"):  # a signalling NaN is one too
+        positions: FloatArray = values[:, :, :3].astype(np.float64)
     if layout.scale > 0:
         positions *= layout.scale
     positions[values[:, :, 3] < 0] = np.nan

@@ -258,7 +258,7 @@ class _GraphmlReader:
         self.edges: list[dict[str, Any]] = []
         self.owner = self.facts
         self.key, self.text = "", [""]
-        self.parser = expat.ParserCreate()
+        self.parser = expat.ParserCreate("utf-8")  # the text is; it may say anything
         self.parser.buffer_text = True
         self.parser.StartElementHandler = self.start
         self.parser.EndElementHandler = self.end

@@ -26,6 +26,7 @@ from mocapidx.synthesis.spaces import BlendSpace, Origin
 __all__ = ["load_space", "save_space"]
 
 MOST_NODES: Final = 4096
+LARGEST: Final = 1e9  # metres, radians, or units of a parameter
 SLACK: Final = 1e-6
 """By how much rounding may take weights out of their bounds."""
 
@@ -217,6 +218,8 @@ def _registration(curves: list[NDArray[Any]], count: int) -> Registration:
     u = moments[:, 0]
     if u[0] != 0 or u[-1] != 1 or (np.diff(u) <= 0).any() or (np.diff(times, axis=0) <= 0).any():
         _wrong("its curves do not increase")
+    if max(np.abs(curve).max() for curve in (turns, east, north)) > LARGEST:
+        _wrong("its curves are too large")
     return Registration(u, times, turns, east + 1j * north)
 
 
@@ -228,6 +231,8 @@ def _samples(
     weights, parameters = (sample.astype(np.float64) for sample in samples)
     if weights.shape[1] != count or parameters.shape[1] != dimensions:
         _wrong("its samples have wrong shapes")
+    if np.abs(parameters).max() > LARGEST:
+        _wrong("its parameters are too large")
     low, high = -extrapolation - SLACK, 1 + extrapolation + SLACK
     sums = weights.sum(axis=1)
     if weights.min() < low or weights.max() > high or np.abs(sums - 1).max() > SLACK:

@@ -22,7 +22,12 @@ from mocapidx.store.manifest import Placed, SegmentFile
 from mocapidx.store.read import Snapshot, open_store
 from mocapidx.tasks.hits import make_hit
 from mocapidx.tasks.records import Record, hit_record
-from mocapidx.tasks.segment_sources import document_groups, segment_source, store_feature_set
+from mocapidx.tasks.segment_sources import (
+    document_groups,
+    one_voice,
+    segment_source,
+    store_feature_set,
+)
 from mocapidx.tasks.unspecified import told
 from mocapidx.tasks.where import meeting
 
@@ -135,7 +140,7 @@ class Archive:
             An answer for each of `files`, in their order.
         """
         if self.map_fn is None:
-            return (question(place.source, place.groups) for place in self.files)
+            return (self._answer(question, place) for place in self.files)
         from mocapidx.tasks.query_files import answer_of_file, file_piece
 
         pieces = (
@@ -143,6 +148,10 @@ class Archive:
             for place in self.files
         )
         return self.map_fn(partial(answer_of_file, question), pieces)
+
+    def _answer(self, question: "Question[Result]", place: LookedAt) -> Result:
+        with one_voice(self.snapshot.path, place.file):
+            return question(place.source, place.groups)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -286,7 +295,12 @@ def _evaluate(
     pattern: Pattern, mode: str, mismatches: int, source: Source, groups: Sequence[DocumentGroup]
 ) -> list[GroupHits]:
     """Find a pattern in one segment file; runs in any process."""
-    return evaluate(pattern, mode, source, groups, mismatches)
+    found = evaluate(pattern, mode, source, groups, mismatches)
+    for hits in found:
+        lengths = source.lengths[hits.documents]
+        if (np.diff(hits.bounds) < 0).any() or (hits.bounds[:, -1] > lengths).any():
+            raise ValueError("hits leave their documents")  # only where the runs do
+    return found
 
 
 def _answer(place: LookedAt, found: GroupHits, label: str, mirrored: bool) -> Answer:

@@ -17,6 +17,7 @@ from mocapidx.synthesis.bodies import Body, Movement, body_of, joint_points, mov
 from mocapidx.synthesis.carrying import body_difference, carried
 from mocapidx.synthesis.registration import RATE, Registration, Tie, register, star
 from mocapidx.synthesis.spaces import Origin
+from mocapidx.tasks.bounded import read_at_most
 from mocapidx.tasks.found import read_found
 from mocapidx.tasks.origins import find_origins
 from mocapidx.tasks.read import ReadOptions, read_recorded
@@ -120,7 +121,7 @@ def _read_graph(path: Path) -> MatchGraph:
         if not path.is_file():
             raise FormatError(f"{where}: no such file; make one with 'mocapidx match --graph'")
         with path.open("rb") as file:
-            data = file.read(LARGEST_GRAPH + 1)
+            data = read_at_most(file, LARGEST_GRAPH)
     except OSError as exc:
         raise FormatError(f"{where}: can't be read ({exc.strerror})") from exc
     if len(data) > LARGEST_GRAPH:

@@ -12,6 +12,7 @@ from typing import Any, Final
 
 from mocapidx.errors import FormatError
 from mocapidx.printable import shown
+from mocapidx.tasks.bounded import read_at_most
 from mocapidx.transcripts.kinds import kind_of
 from mocapidx.transcripts.spans import Span
 
@@ -92,12 +93,12 @@ def read_found(path: Path) -> tuple[Found, ...]:
 def _read_bytes(path: Path, where: str) -> bytes:
     try:
         if str(path) == "-":
-            data = sys.stdin.buffer.read(SIZE_LIMIT + 1)
+            data = read_at_most(sys.stdin.buffer, SIZE_LIMIT)
         else:
             if not path.is_file():
                 raise FormatError(f"{where}: no such file, or no regular file")
             with path.open("rb") as file:
-                data = file.read(SIZE_LIMIT + 1)
+                data = read_at_most(file, SIZE_LIMIT)
     except OSError as exc:
         raise FormatError(f"{where}: can't be read ({exc.strerror})") from exc
     if len(data) > SIZE_LIMIT:

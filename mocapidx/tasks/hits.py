@@ -2,7 +2,9 @@
 
 from typing import Final
 
+from mocapidx.errors import StoreError
 from mocapidx.model import Hit
+from mocapidx.printable import shown
 from mocapidx.store.manifest import Document
 
 __all__ = ["SOURCE_START", "make_hit"]
@@ -30,7 +32,9 @@ def make_hit(document: Document, start: int, end: int, rate: float, cost: float,
         Source frames by time: those from the time of the first frame up to that of the end.
     """
     ratio = document.source_rate / rate
-    first = int(document.rig.get(SOURCE_START, 0))
+    first = document.rig.get(SOURCE_START, 0)
+    if type(first) is not int or not 0 <= first <= document.source_frames:
+        raise StoreError(f"{shown(document.name)}: its first frame is none; index it again")
     return Hit(
         document=document.name,
         start_frame=start,

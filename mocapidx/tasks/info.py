@@ -12,11 +12,11 @@ from mocapidx.features.gaps import unspecified_within
 from mocapidx.kernels.choice import instructions_in_use, kernels_in_use
 from mocapidx.printable import shown
 from mocapidx.store import schema
-from mocapidx.store.manifest import Document, Placed, Rig
+from mocapidx.store.manifest import Document, Placed
 from mocapidx.store.read import Snapshot, open_store
 from mocapidx.tasks.records import Record
 from mocapidx.tasks.segment_sources import segment_source, store_feature_set, untrusted_mask
-from mocapidx.tasks.stored import REST
+from mocapidx.tasks.stored import REST, source_skeleton
 from mocapidx.tasks.unspecified import UNSPECIFIED, unspecified_in
 from mocapidx.tasks.where import meeting
 
@@ -137,7 +137,7 @@ def document_info(store: str | Path, name: str) -> Record:
         if UNSPECIFIED in document.rig:
             rate = snapshot.manifest.settings.rate
             facts["open_in_gaps"] = _open_in_gaps(document, feature_set, rate)
-        facts |= {**_rig_facts(document.rig), **document.facts}
+        facts |= {**_rig_facts(document), **document.facts}
     return facts
 
 
@@ -187,13 +187,14 @@ def _whole(rate: float) -> int | float:
     return int(rate) if rate.is_integer() else rate
 
 
-def _rig_facts(rig: Rig) -> Record:
+def _rig_facts(document: Document) -> Record:
     """Say how a skeleton was understood; what only `index` needs to know is left out."""
-    skeleton = rig.get("skeleton")
-    facts: dict[str, object] = {"skeleton": skeleton[0]} if skeleton else {}
-    for key, value in rig.items():
-        if key == "coincident":
-            facts[key] = ", ".join(f"{one} = {other}" for one, other in value) or "none"
+    skeleton = source_skeleton(document)
+    facts: dict[str, object] = {} if skeleton is None else {"skeleton": skeleton[0]}
+    for key, value in document.rig.items():
+        if key == "coincident" and isinstance(value, list):
+            pairs = (joints if isinstance(joints, list) else [joints] for joints in value)
+            facts[key] = ", ".join(" = ".join(map(str, pair)) for pair in pairs) or "none"
         elif isinstance(value, (list, tuple)) and key not in ("skeleton", REST, UNSPECIFIED):
             facts[key] = ", ".join(map(str, value)) or "none"
         elif isinstance(value, (int, float, str)) and key not in ("options", "untrusted"):

@@ -12,6 +12,7 @@ from typing import Final
 
 from mocapidx.errors import FormatError
 from mocapidx.printable import shown
+from mocapidx.tasks.bounded import read_at_most
 from mocapidx.tasks.found import json_rows, unquoted
 from mocapidx.transcripts.kinds import KINDS, kind_of
 
@@ -162,7 +163,7 @@ def _read_bytes(path: Path) -> bytes:
         if not path.is_file():
             raise FormatError(f"{shown(path)}: no such labels file, or no regular file")
         with path.open("rb") as file:
-            data = file.read(SIZE_LIMIT + 1)
+            data = read_at_most(file, SIZE_LIMIT)
     except OSError as exc:
         raise FormatError(f"{shown(path)}: can't be read ({exc.strerror})") from exc
     if len(data) > SIZE_LIMIT:

@@ -14,6 +14,7 @@ from mocapidx.graphs.graph_text import (
 from mocapidx.graphs.match_graph import MatchGraph
 from mocapidx.printable import shown
 from mocapidx.store.read import Snapshot
+from mocapidx.tasks.bounded import read_at_most
 from mocapidx.tasks.stored import stored_poses
 
 __all__ = ["graph_kind", "read_graph", "save_graph"]
@@ -106,7 +107,7 @@ def read_graph(path: Path) -> MatchGraph:
         if not path.is_file():
             raise FormatError(f"{shown(path)}: no such file, or no regular file")
         with path.open("rb") as file:
-            data = file.read(MOST_BYTES + 1)
+            data = read_at_most(file, MOST_BYTES)
     except OSError as exc:
         raise FormatError(f"{shown(path)}: can't be read ({exc.strerror})") from exc
     if len(data) > MOST_BYTES:

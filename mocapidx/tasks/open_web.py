@@ -116,8 +116,13 @@ def open_web(path: str | Path, store: Snapshot) -> tuple[OpenWeb, int]:
     path = Path(path)
     web = read_web(path)
     rate = store.manifest.settings.rate
-    identities = {document_identity(entry.document, rate) for entry in store.documents()}
-    strangers = [known for known in web.documents if known.identity not in identities]
+    documents = (entry.document for entry in store.documents())
+    identities = {document_identity(one, rate): (one.name, one.frames) for one in documents}
+    strangers = [
+        known
+        for known in web.documents
+        if identities.get(known.identity) != (known.name, known.frames)
+    ]
     if strangers or web.rate != rate:
         which = ""
         if strangers and len(strangers) < len(web.documents):

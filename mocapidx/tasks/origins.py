@@ -17,6 +17,7 @@ from mocapidx.store.read import open_store
 from mocapidx.tasks.document_names import DocumentNames
 from mocapidx.tasks.prepare import source_digest
 from mocapidx.tasks.read import ReadOptions
+from mocapidx.tasks.stored import source_skeleton
 
 __all__ = ["Origin", "find_origins"]
 
@@ -122,9 +123,9 @@ def _of_store(document: Document, roots: Sequence[Path], options: ReadOptions) -
 def _as_indexed(document: Document, options: ReadOptions) -> ReadOptions:
     """Say outright what was found out when the document was indexed."""
     rig = document.rig
-    skeleton = options.skeleton
-    if skeleton is None and "skeleton" in rig and os.path.isfile(rig["skeleton"][0]):
-        skeleton = Path(rig["skeleton"][0])
+    skeleton, known = options.skeleton, source_skeleton(document)
+    if skeleton is None and known is not None and os.path.isfile(known[0]):
+        skeleton = Path(known[0])
     said: dict[str, object] = {"skeleton": skeleton}
     if options.source_rate is None:
         said["source_rate"] = document.source_rate

@@ -24,7 +24,7 @@ from mocapidx.tasks.hits import SOURCE_START
 from mocapidx.tasks.read import Limits, Reading, ReadOptions, read_take
 from mocapidx.tasks.segment_sources import UNTRUSTED
 from mocapidx.tasks.sources import Source
-from mocapidx.tasks.stored import REST, kept_rest
+from mocapidx.tasks.stored import REST, kept_rest, source_skeleton
 from mocapidx.tasks.unspecified import keep_unspecified
 
 __all__ = [
@@ -145,8 +145,8 @@ def is_unchanged(
         return False
     if _stamp(source.path) != [known.size, known.mtime_ns]:
         return False
-    skeleton = known.rig.get("skeleton")
-    return skeleton is None or _stamp(Path(skeleton[0])) == skeleton[1:]
+    skeleton = source_skeleton(known)
+    return skeleton is None or _stamp(Path(skeleton[0])) == skeleton[1]
 
 
 def prepare(job: Job) -> Outcome:

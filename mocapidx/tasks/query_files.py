@@ -14,7 +14,7 @@ from mocapidx.queries.source import Source
 from mocapidx.store.manifest import SegmentFile, StoreSettings
 from mocapidx.store.read import Snapshot
 from mocapidx.store.schema import SEGMENTS
-from mocapidx.tasks.segment_sources import segment_source
+from mocapidx.tasks.segment_sources import one_voice, segment_source
 from mocapidx.tasks.store_pieces import piece_snapshot, without_documents
 
 __all__ = ["FilePiece", "Question", "answer_of_file", "file_piece"]
@@ -101,4 +101,5 @@ def answer_of_file(question: Question[Result], piece: FilePiece) -> Result:
     """
     with piece_snapshot(piece.store, piece.settings, piece.file) as snapshot:
         source = segment_source(snapshot, piece.file, piece.feature_set, piece.lengths)
-        return question(source, piece.groups)
+        with one_voice(piece.store, piece.file):
+            return question(source, piece.groups)

@@ -1,12 +1,14 @@
 """Segment files of a store as queries see them: runs, lists and groups of documents."""
 
-from collections.abc import Container
+from collections.abc import Container, Iterator
+from contextlib import contextmanager
 from functools import partial
+from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from mocapidx.errors import FeatureSetError, StoreError
+from mocapidx.errors import FeatureSetError, MocapidxError, StoreError
 from mocapidx.features.featureset import PARTS, FeatureSet, parse_feature_set
 from mocapidx.index.build import first_positions
 from mocapidx.index.postings import InvertedLists, open_index
@@ -15,10 +17,11 @@ from mocapidx.printable import shown
 from mocapidx.queries.column import Column
 from mocapidx.queries.evaluate import DocumentGroup
 from mocapidx.queries.source import PartSource, Source
+from mocapidx.store.files import DamagedError
 from mocapidx.store.manifest import Document, SegmentFile
 from mocapidx.store.read import Snapshot
 
-__all__ = ["document_groups", "segment_source", "store_feature_set", "untrusted_mask"]
+__all__ = ["document_groups", "one_voice", "segment_source", "store_feature_set", "untrusted_mask"]
 
 UNTRUSTED: Final = "untrusted"
 """Key of a document's rig: the mask of features not trusted in it, in hexadecimal."""
@@ -87,7 +90,12 @@ def segment_source(
     def lists(part: str) -> InvertedLists:
         if not opened:
             head = snapshot.index_bytes(file, 0, file.head.size)
-            opened.update(open_index(head, partial(snapshot.index_bytes, file), file.idx.size))
+            found = open_index(head, partial(snapshot.index_bytes, file), file.idx.size)
+            if any(name not in found or found[name].runs != _runs(file, name) for name in PARTS):
+                raise DamagedError(
+                    snapshot.path, file.names[1], "its lists are of other runs than the file has"
+                )
+            opened.update(found)
         return opened[part]
 
     parts = tuple(
@@ -102,8 +110,38 @@ def segment_source(
     return Source(first_positions(lengths), lengths, parts)
 
 
+def _runs(file: SegmentFile, part: str) -> int:
+    return file.datasets[f"runs/{part}/words"].shape[0]
+
+
 def _column(snapshot: Snapshot, file: SegmentFile, path: str) -> Column:
     return Column(file.datasets[path].shape[0], partial(snapshot.array, file, path))
+
+
+@contextmanager
+def one_voice(store: Path, file: SegmentFile) -> Iterator[None]:
+    """Say that a segment file is damaged where its runs, lists and documents contradict each other.
+
+    Digests vouch for what a writer of ours wrote; what somebody else gave right digests may say
+    anything.
+
+    Parameters
+    ----------
+    store : Path
+        Folder of the store.
+    file : SegmentFile
+        The file that is asked.
+
+    Raises
+    ------
+    StoreError
+    """
+    try:
+        yield
+    except MocapidxError:
+        raise
+    except (IndexError, ValueError, OverflowError) as exc:
+        raise DamagedError(store, file.names[0], "its parts contradict each other") from exc
 
 
 def document_groups(file: SegmentFile, wanted: Container[int] | None = None) -> list[DocumentGroup]:

@@ -13,7 +13,7 @@ from mocapidx.store.manifest import Document, Placed
 from mocapidx.store.read import Snapshot
 from mocapidx.store.schema import POSES
 
-__all__ = ["REST", "kept_rest", "stored_motion", "stored_poses"]
+__all__ = ["REST", "kept_rest", "source_skeleton", "stored_motion", "stored_poses"]
 
 REST: Final = "rest"
 """Key of a document's rig: the zero pose, where the source has one. It measures the body."""
@@ -33,6 +33,35 @@ def kept_rest(rest: FloatArray) -> list[list[float] | None]:
         Three numbers a joint, or None.
     """
     return [row if np.isfinite(row).all() else None for row in rest.tolist()]
+
+
+def source_skeleton(document: Document) -> tuple[str, list[int]] | None:
+    """Give the skeleton file that a document's source was read with.
+
+    Parameters
+    ----------
+    document : Document
+
+    Returns
+    -------
+    path : str
+    stamp : list of int
+        Its size in bytes and time of change in nanoseconds; empty where it was gone by then.
+    None
+        If the source has no skeleton file.
+
+    Raises
+    ------
+    StoreError
+        If the store has something else there.
+    """
+    kept = document.rig.get("skeleton")
+    if kept is None:
+        return None
+    whole = isinstance(kept, list) and kept and {*map(type, kept[1:])} <= {int}
+    if not whole or not isinstance(kept[0], str) or "\0" in kept[0]:
+        raise StoreError(f"{shown(document.name)}: its skeleton is none; index it again")
+    return kept[0], kept[1:]
 
 
 def stored_poses(store: Snapshot, placed: Placed) -> NDArray[np.float32]:

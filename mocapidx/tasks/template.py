@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from mocapidx.errors import FormatError, ParameterError
+from mocapidx.errors import FeatureSetError, FormatError, ParameterError, StoreError
 from mocapidx.features.featureset import FeatureSet, load_feature_set, parse_feature_set
 from mocapidx.printable import shown
 from mocapidx.tasks.records import Record
@@ -83,8 +83,22 @@ def shown_template(path: Path, label: str) -> tuple[tuple[MotionTemplate, ...], 
 
 
 def template_features(templates: TemplateSet) -> FeatureSet:
-    """Return the feature set that stands in a template file."""
-    return parse_feature_set(templates.feature_set_text, "the templates' feature set")
+    """Return the feature set that stands in a template file.
+
+    Raises
+    ------
+    StoreError
+        If it is none, or not that of the templates.
+    """
+    try:
+        found = parse_feature_set(templates.feature_set_text, "the templates' feature set")
+    except FeatureSetError as exc:
+        raise StoreError(f"{exc}; make the template file again") from exc
+    if any(each.matrix.shape[1] != len(found.features) for each in templates.templates):
+        raise StoreError(
+            "the templates have other features than their feature set; make them again"
+        )
+    return found
 
 
 def mirror_class(path: Path, label: str, new_label: str, output: Path) -> None:
