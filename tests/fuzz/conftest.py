@@ -1,0 +1,52 @@
+import os
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.fuzz.attacking import Attacker
+from tests.fuzz.seeds import make_seeds
+
+FULL = os.environ.get("TORTURE", "short") == "full"
+REPORT = os.environ.get("TORTURE_REPORT", "")
+
+
+@pytest.fixture(scope="session")
+def seeds(fixtures_dir, tmp_path_factory):
+    """Sound files of every kind."""
+    folder = tmp_path_factory.mktemp("seeds")
+    make_seeds(folder, fixtures_dir)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def attacker(seeds, tmp_path_factory):
+    """A process with limits that reads damaged files."""
+    found = Attacker(seeds, tmp_path_factory.mktemp("attacked"))
+    yield found
+    found.close()
+
+
+@pytest.fixture
+def count():
+    """How many files are tried: fewer unless ``TORTURE=full``; ``TORTURE=N`` tries N."""
+
+    def choose(short, full):
+        asked = os.environ.get("TORTURE", "short")
+        return int(asked) if asked.isdigit() else full if FULL else short
+
+    return choose
+
+
+@pytest.fixture
+def reported(request):
+    """Add to the table of counts that ``make torture`` prints, where one is wanted."""
+    begin = time.monotonic()
+
+    def report(kind, tried, wrong):
+        if REPORT:
+            seconds = time.monotonic() - begin
+            with Path(REPORT).open("a") as file:
+                file.write(f"{kind}\t{tried}\t{wrong}\t{seconds:.0f} s\n")
+
+    return report

@@ -1,0 +1,17 @@
+"""Damaged files of every kind: at worst one line, soon, in little memory; never a wrong answer."""
+
+import pytest
+
+from tests.fuzz.limited import Attack
+from tests.fuzz.targets import TARGETS
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_a_damaged_file_gives_one_line_or_what_it_holds(name, attacker, count, reported, tmp_path):
+    target = TARGETS[name]
+    tried = count(target.short, target.full)
+    wrong = attacker.attack(name, tried)
+    reported(name, tried, len(wrong))
+    for number, what in wrong.items():
+        _, place = Attack(target, attacker.seeds, tmp_path / name).make(number)
+        pytest.fail(f"{len(wrong)} of {tried}, the first is number {number}, {place}:\n{what}")
