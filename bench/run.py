@@ -25,6 +25,7 @@ from bench import (
     poses,
     queries,
     reading,
+    scaling,
     startup,
     webs,
 )
@@ -44,6 +45,7 @@ SECTIONS: dict[str, Callable[..., Iterator[Row]]] = {
     "alignment": alignment.measure,
     "webs": webs.measure,
     "archive": large.measure,
+    "scaling": scaling.measure,
 }
 
 
