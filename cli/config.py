@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mocapidx.errors import ParameterError
-from mocapidx.printable import shown
+from mocapidx.printable import meant, shown
 
 from .main import COMMANDS
 from .rows import note, print_rows, row_options
@@ -43,7 +43,7 @@ def config() -> None:
     """
 
 
-@config.command()
+@config.command(short_help="Show options, their values and origins.")
 @click.argument("command", nargs=-1, metavar="[COMMAND]...")
 @row_options
 @click.pass_context
@@ -128,7 +128,10 @@ def named(group: click.Command, ctx: click.Context, words: tuple[str, ...]) -> c
     for word in words:
         found = command.get_command(ctx, word) if isinstance(command, click.Group) else None
         if found is None:
-            raise ParameterError(f"there is no command '{shown(' '.join(words))}'")
+            near = meant(
+                word, command.list_commands(ctx) if isinstance(command, click.Group) else ()
+            )
+            raise ParameterError(f"there is no command '{shown(' '.join(words))}'{near}")
         command = found
     return command
 

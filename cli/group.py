@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from mocapidx.errors import Interrupted, MocapidxError, WriteError
+from mocapidx.printable import meant
 
 from .main import COMMANDS, SECTIONS, fail, heard
 from .settings import defaults, load, settings_options
@@ -36,6 +37,15 @@ class CommandGroup(click.Group):
         module, _, name = COMMANDS[cmd_name][0].partition(":")
         command: click.Command = getattr(importlib.import_module(f"mocapidx_cli.{module}"), name)
         return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the command of the arguments, or name the one that may be meant."""
+        name = args[0]
+        if name not in COMMANDS and not name.startswith("-") and not ctx.resilient_parsing:
+            ctx.fail(f"there is no command '{name}'{meant(name, COMMANDS)}")
+        return super().resolve_command(ctx, args)
 
     def make_context(self, *args: Any, **options: Any) -> click.Context:
         """Read the arguments; a reader of the help that went away gets an error of its own.

@@ -1,8 +1,11 @@
 """Text from files made safe to show: nothing in a name may steer a terminal or split a line."""
 
-__all__ = ["count", "shown"]
+from collections.abc import Collection
+
+__all__ = ["count", "meant", "shown"]
 
 LONGEST = 120  # characters; enough for any honest name, and a message stays one line
+MOST_COMPARED = 20_000  # names; more would take seconds to compare
 
 
 def shown(text: object, longest: int | None = LONGEST) -> str:
@@ -56,6 +59,43 @@ def count(number: int, noun: str, plural: str | None = None) -> str:
     ('1 file', '2 files', '0 classes')
     """
     return f"{number} {noun if number == 1 else plural or noun + 's'}"
+
+
+def meant(name: str, known: Collection[str]) -> str:
+    """Ask, at the end of a message, whether another name was meant.
+
+    Parameters
+    ----------
+    name : str
+        What was given and is not known.
+    known : collection of str
+        What could have been meant: of these the end of the path `name`, else the shortest that
+        holds it, else the nearest.
+
+    Returns
+    -------
+    str
+        Empty where no known name is like the given one.
+
+    Examples
+    --------
+    >>> meant("squad", ["kick", "squat"]), meant("a.amc", ["walk/a.amc"]), meant("x", ["kick"])
+    ("; is 'squat' meant?", "; is 'walk/a.amc' meant?", '')
+    >>> meant("takes/walk/a.amc", ["walk/a.amc", "walk/b.amc"])
+    "; is 'walk/a.amc' meant?"
+    """
+    import difflib
+
+    if len(known) > MOST_COMPARED or not name:
+        return ""
+    wanted = name.lower()
+    near = [each for each in known if wanted.endswith(f"/{each.lower()}")]
+    if not near and len(wanted) > 2:
+        near = sorted((n for n in known if wanted in n.lower()), key=lambda n: (len(n), n))
+    if not near:
+        same = {each.lower(): each for each in reversed(sorted(known))}
+        near = [same[each] for each in difflib.get_close_matches(wanted, same, n=1)]
+    return f"; is '{shown(near[0])}' meant?" if near else ""
 
 
 def _escaped(character: str) -> str:

@@ -15,6 +15,7 @@ from mocapidx.errors import FeatureSetError, ParameterError
 from mocapidx.features.parsing import PARTS, read_document
 from mocapidx.features.relations import Feature
 from mocapidx.model import IndexArray
+from mocapidx.printable import meant
 from mocapidx.toml_files import read_toml_text
 
 __all__ = [
@@ -108,6 +109,7 @@ class FeatureSet:
                 raise ParameterError(
                     f"{word.strip()!r} names no feature of the set {self.name}; "
                     f"expected ids ({_span(self.ids)}), names, {', '.join(PARTS)} or all"
+                    f"{meant(word.strip(), named)}"
                 )
             mask |= named[word.strip().lower()]
         return mask

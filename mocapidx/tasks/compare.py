@@ -26,7 +26,7 @@ from mocapidx.evaluation.metrics import (
 from mocapidx.evaluation.truth import Judged, Stretch, judge_hits
 from mocapidx.features.words import unpack_words
 from mocapidx.model import FloatArray, IndexArray, WordArray
-from mocapidx.printable import shown
+from mocapidx.printable import meant, shown
 from mocapidx.store.read import Snapshot, open_store
 from mocapidx.tasks.labels import LabelFile, place_labels
 from mocapidx.tasks.parallel import mapping
@@ -130,7 +130,10 @@ def compare_methods(
     known = list(dict.fromkeys(clip.label for clip in clips))
     missing = [label for label in classes if label not in known]
     if missing:
-        raise ParameterError(f"no label says '{shown(missing[0])}'")
+        raise ParameterError(
+            f"no label says '{shown(missing[0])}'; there are: {', '.join(map(shown, known))}"
+            f"{meant(missing[0], known)}"
+        )
     folds = _folds(clips)
     chosen = list(dict.fromkeys(classes)) or known
     searches = [(label, fold) for label in chosen for fold in folds]

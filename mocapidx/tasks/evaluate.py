@@ -21,7 +21,7 @@ from mocapidx.evaluation.metrics import (
 )
 from mocapidx.evaluation.truth import NOTHING, Judged, Stretch, confusion_seconds, judge_hits
 from mocapidx.model import FloatArray
-from mocapidx.printable import count, shown
+from mocapidx.printable import count, meant, shown
 from mocapidx.store.read import open_store
 from mocapidx.tasks.found import Found, read_found
 from mocapidx.tasks.labels import LabelFile, named_labels
@@ -184,7 +184,9 @@ def _chosen(
     known = {each.label for each in found} | {each.label for each in truth}
     missing = [label for label in options.classes if label not in known]
     if missing:
-        raise ParameterError(f"neither a record nor a label says '{shown(missing[0])}'")
+        raise ParameterError(
+            f"neither a record nor a label says '{shown(missing[0])}'{meant(missing[0], known)}"
+        )
     if options.classes or options.all_classes:
         return sorted({*options.classes} or known)
     chosen = {each.label for each in default}

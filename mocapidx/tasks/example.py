@@ -13,7 +13,7 @@ from mocapidx.features.featureset import FeatureSet
 from mocapidx.features.gaps import Unspecified, unspecified_within
 from mocapidx.features.unspecified import feature_words
 from mocapidx.model import FloatArray, WordArray
-from mocapidx.printable import shown
+from mocapidx.printable import meant, shown
 from mocapidx.skeleton.joints import CANONICAL_JOINTS
 from mocapidx.skeleton.resample import resample_motion
 from mocapidx.store.manifest import Placed
@@ -142,7 +142,10 @@ def find_example(example: str | Path | Example, store: Snapshot) -> tuple[Exampl
         return example, None
     name = str(example.path)
     if name not in by_name:
-        raise FormatError(f"{shown(name)}: no such file, and no document of {shown(store.path)}")
+        raise FormatError(
+            f"{shown(name)}: no such file, and no document of {shown(store.path)}"
+            f"{meant(name, by_name)}"
+        )
     return example, by_name[name]
 
 

@@ -10,7 +10,7 @@ from mocapidx.errors import ParameterError
 from mocapidx.features.featureset import PARTS, FeatureSet
 from mocapidx.features.gaps import unspecified_within
 from mocapidx.kernels.choice import instructions_in_use, kernels_in_use
-from mocapidx.printable import shown
+from mocapidx.printable import meant, shown
 from mocapidx.store import schema
 from mocapidx.store.manifest import Document, Placed
 from mocapidx.store.read import Snapshot, open_store
@@ -206,13 +206,10 @@ def _find(snapshot: Snapshot, name: str) -> Placed:
     for entry in snapshot.documents():
         if entry.document.name == name:
             return entry
-    near = sorted(
-        entry.document.name for entry in snapshot.documents() if name in entry.document.name
-    )
-    meant = f"; {len(near)} names hold that, such as '{shown(near[0])}'" if near else ""
+    known = [entry.document.name for entry in snapshot.documents()]
     raise ParameterError(
-        f"{snapshot.path}: has no document '{shown(name)}'{meant} "
-        f"('mocapidx info STORE --documents' lists all)"
+        f"{snapshot.path}: has no document '{shown(name)}' "
+        f"('mocapidx info {snapshot.path} --documents' lists all){meant(name, known)}"
     )
 
 

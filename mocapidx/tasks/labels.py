@@ -7,7 +7,7 @@ from pathlib import PurePosixPath
 from typing import Final
 
 from mocapidx.errors import FormatError, ParameterError
-from mocapidx.printable import count, shown
+from mocapidx.printable import count, meant, shown
 from mocapidx.store.manifest import Document
 from mocapidx.tasks.document_names import DocumentNames
 from mocapidx.tasks.label_files import Label, LabelFile, read_labels
@@ -168,7 +168,8 @@ def place_labels(
         if number is None:
             raise FormatError(
                 f"{label.where}: no document '{shown(label.document)}' in the store; "
-                "names are those that 'mocapidx info' lists"
+                "names are those that 'mocapidx info STORE --documents' lists"
+                f"{meant(label.document, numbers)}"
             )
         frames = documents[number].frames
         start = round((label.start_time or 0.0) * rate)

@@ -9,7 +9,7 @@ from typing import Final, Literal
 
 from mocapidx.alignment.dtw import LONGEST_SEQUENCE
 from mocapidx.errors import FormatError, ParameterError
-from mocapidx.printable import shown
+from mocapidx.printable import meant, shown
 from mocapidx.store.read import Snapshot, open_store
 from mocapidx.tasks.labels import Example, LabelFile, labels_from_names, place_labels, read_labels
 from mocapidx.tasks.parallel import MapFunction, mapping
@@ -112,7 +112,8 @@ def find_labels(
         If a row of the file is wrong.
     """
     if (labels is None) == (labels_from is None):
-        raise ParameterError("labels come from --labels FILE.csv or from --labels-from RULE")
+        either = "either --labels FILE.csv or --labels-from folder"
+        raise ParameterError(f"give {either}" + (", not both" if labels is not None else ""))
     if labels is not None:
         return read_labels(labels)
     with open_store(store) as snapshot:
@@ -206,7 +207,7 @@ def _jobs(snapshot: Snapshot, labels: LabelFile, options: LearnOptions) -> list[
     if missing:
         raise ParameterError(
             f"the class '{shown(missing[0])}' has no example among the labels; "
-            f"there are: {', '.join(map(shown, classes))}"
+            f"there are: {', '.join(map(shown, classes))}{meant(missing[0], classes)}"
         )
     if options.repetitions == "none":
         _check_lengths(examples, settings.rate)

@@ -13,7 +13,7 @@ from mocapidx.errors import FormatError, ParameterError
 from mocapidx.features.featureset import FeatureSet
 from mocapidx.features.gaps import Unspecified
 from mocapidx.model import WordArray
-from mocapidx.printable import shown
+from mocapidx.printable import meant, shown
 from mocapidx.reports.confusion import confusion_picture
 from mocapidx.reports.matrices import template_picture
 from mocapidx.reports.style import picture_format
@@ -188,7 +188,9 @@ def _from_store(path: Path, known: TemplateSet, names: Sequence[str]) -> list[_D
             )
         missing = [name for name in names if name not in places]
         if missing:
-            raise ParameterError(f"{shown(path)}: no document '{shown(missing[0])}'")
+            raise ParameterError(
+                f"{shown(path)}: no document '{shown(missing[0])}'{meant(missing[0], places)}"
+            )
         return [
             _Document(
                 name,

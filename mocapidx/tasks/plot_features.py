@@ -11,7 +11,7 @@ from mocapidx.features.extract import extract_features, untrusted_features
 from mocapidx.features.featureset import PARTS
 from mocapidx.features.words import pack_words, unpack_words
 from mocapidx.model import WordArray
-from mocapidx.printable import shown
+from mocapidx.printable import meant, shown
 from mocapidx.reports.lists import list_sizes_picture
 from mocapidx.reports.segments import feature_matrix_picture
 from mocapidx.reports.style import picture_format
@@ -75,7 +75,10 @@ def draw_feature_matrix(
     first = round((start or 0.0) * rate)
     last = len(words) if end is None else min(len(words), round(end * rate))
     if first >= last:
-        raise ParameterError(f"{shown(name)} lasts {len(words) / rate:.2f} s, nothing lies there")
+        raise ParameterError(
+            f"{shown(name)} lasts {len(words) / rate:.2f} s; nothing of it lies between --start "
+            "and --end"
+        )
     if last - first > MOST_FRAMES:
         raise ParameterError(
             f"{shown(name)}: {(last - first) / rate:.0f} s are too much for one picture, at most "
@@ -97,9 +100,11 @@ def draw_feature_matrix(
 
 def _stored(path: Path, name: str | None) -> tuple[str, WordArray, int, float]:
     with open_store(path) as store:
-        found = [each for each in store.documents() if name in (None, each.document.name)]
+        known = {each.document.name: each for each in store.documents()}
+        found = [each for each in known.values() if name in (None, each.document.name)]
         if not found:
-            raise ParameterError(f"{shown(path)}: no document '{shown(name or '')}'")
+            near = meant(name or "", known)
+            raise ParameterError(f"{shown(path)}: no document '{shown(name or '')}'{near}")
         if len(found) > 1:
             raise ParameterError(f"{shown(path)}: holds several documents; choose with --document")
         document = found[0].document

@@ -8,7 +8,7 @@ import numpy as np
 from mocapidx.errors import ParameterError
 from mocapidx.markup import facts_html, grey_picture_html
 from mocapidx.model import FloatArray
-from mocapidx.printable import shown
+from mocapidx.printable import meant, shown
 
 __all__ = ["DELTA", "TAU", "Kind", "MotionTemplate", "TemplateSet"]
 
@@ -175,6 +175,6 @@ class TemplateSet:
         if not found:
             raise ParameterError(
                 f"no template of a class '{shown(label)}'; there are: "
-                f"{', '.join(map(shown, self.labels))}"
+                f"{', '.join(map(shown, self.labels))}{meant(label, self.labels)}"
             )
         return found

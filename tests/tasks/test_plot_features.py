@@ -22,8 +22,8 @@ def test_a_file_and_its_document_look_alike(fixtures_dir, fixtures_store, tmp_pa
     [
         ({}, "holds several documents; choose with --document"),
         ({"document": "none"}, "no document 'none'"),
-        ({"document": CLIP, "start": 900.0}, "nothing lies there"),
-        ({"document": CLIP, "end": 0.001}, "nothing lies there"),
+        ({"document": CLIP, "start": 900.0}, "nothing of it lies between --start and --end"),
+        ({"document": CLIP, "end": 0.001}, "nothing of it lies between --start and --end"),
     ],
 )
 def test_what_can_not_be_drawn_is_told(fixtures_store, tmp_path, options, says):
