@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from .options import NumberRange, quiet_option, read_options, reading_options
+from .options import NewFile, NumberRange, quiet_option, read_options, reading_options
 from .rows import note, print_rows, row_options, warn
 
 __all__ = ["align"]
@@ -17,6 +17,7 @@ __all__ = ["align"]
 @click.option(
     "--store",
     type=click.Path(path_type=Path),
+    metavar="STORE",
     help="A and B may be documents of this store, too.",
 )
 @click.option(
@@ -59,7 +60,7 @@ __all__ = ["align"]
 )
 @click.option(
     "--plot",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=NewFile(),
     metavar="FILE",
     help="Draw segments, region and path too: PNG or SVG by suffix.",
 )

@@ -41,6 +41,7 @@ OVERLAPS = ("rivals", "keep")
     "--templates",
     required=True,
     type=click.Path(path_type=Path),
+    metavar="FILE",
     help="Template file, from learn-mt.",
 )
 @click.option(
@@ -79,6 +80,7 @@ OVERLAPS = ("rivals", "keep")
 @click.option(
     "--root",
     type=click.Path(exists=True, file_okay=False, path_type=Path),
+    metavar="FOLDER",
     help="Name documents by their path below this folder.",
 )
 @reading_options

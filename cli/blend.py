@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from .options import NumberRange
+from .options import NewFile, NumberRange
 from .rows import note, print_rows, row_options
 
 __all__ = ["blend"]
@@ -48,17 +48,21 @@ def blend() -> None:
 )
 @click.option(
     "--output",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=NewFile(),
     required=True,
     help="The space file; no file is left half written.",
 )
 @click.option(
-    "--store", type=click.Path(path_type=Path), help="Knows where the documents of HITS are."
+    "--store",
+    type=click.Path(path_type=Path),
+    metavar="STORE",
+    help="Knows where the documents of HITS are.",
 )
 @click.option(
     "--root",
     "roots",
     type=click.Path(path_type=Path),
+    metavar="FOLDER",
     multiple=True,
     help="Folder that documents lie below; may be repeated.",
 )
@@ -157,7 +161,7 @@ def fit(
 )
 @click.option(
     "--output",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=NewFile(),
     required=True,
     metavar="NEW.bvh|NEW.amc",
     help="The new motion; NEW.asf is written with an AMC.",
@@ -175,7 +179,7 @@ def fit(
 )
 @click.option(
     "--picture",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=NewFile(),
     metavar="FILE",
     help="Draw the new motion as stick figures too: PNG or SVG by suffix.",
 )
@@ -241,7 +245,7 @@ def info(space: Path, row_format: str, output: Path) -> None:
 @space_argument
 @click.option(
     "--output",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=NewFile(),
     required=True,
     help="The picture: PNG or SVG by suffix.",
 )

@@ -42,11 +42,13 @@ __all__ = ["evaluate"]
 @click.option(
     "--store",
     type=click.Path(path_type=Path),
+    metavar="STORE",
     help="Tells how long documents last, for labels without an end.",
 )
 @click.option(
     "--templates",
     type=click.Path(path_type=Path),
+    metavar="FILE",
     help="With --store: adds the separation quotient of hits.",
 )
 @click.option(

@@ -5,14 +5,11 @@ from typing import Any
 
 import click
 
-from .options import NumberRange, read_options, reading_options
+from .options import NewFile, NumberRange, read_options, reading_options
 from .rows import print_rows, row_options
 
 __all__ = ["features"]
 
-inputs_argument = click.argument(
-    "inputs", nargs=-1, metavar="MOTION...", type=click.Path(path_type=Path)
-)
 set_option = click.option(
     "--feature-set",
     "name",
@@ -85,7 +82,7 @@ def show(name: str, select: str, row_format: str, output: Path) -> None:
 
 @features.command(short_help="Check a set, and try it on motion.")
 @click.argument("name", metavar="SET")
-@inputs_argument
+@click.argument("inputs", nargs=-1, metavar="[MOTION]...", type=click.Path(path_type=Path))
 @rate_option
 @reading_options
 @row_options
@@ -136,7 +133,7 @@ def check(
 @rate_option
 @click.option(
     "--output",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=NewFile(),
     required=True,
     help="The picture: PNG or SVG by suffix.",
 )
@@ -178,7 +175,9 @@ def plot(
 
 
 @features.command("learn-threshold", short_help="Learn a feature's thresholds from examples.")
-@inputs_argument
+@click.argument(
+    "inputs", nargs=-1, required=True, metavar="MOTION...", type=click.Path(path_type=Path)
+)
 @click.option(
     "--positive",
     type=click.Path(path_type=Path),
@@ -216,15 +215,13 @@ def learn_threshold(
 
     \b
     Example:
-      mocapidx features learn-threshold takes.store --feature F17
+      mocapidx features learn-threshold takes.store --feature F17 \\
         --positive raised.csv --negative standing.csv
     """
     from mocapidx.tasks.features import named_set
     from mocapidx.tasks.learn_thresholds import learn_feature, separation_facts
     from mocapidx.tasks.records import pair_records
 
-    if not inputs:
-        raise click.UsageError("Missing argument 'MOTION...'.")
     feature_set = named_set(name)
     found = learn_feature(
         inputs, feature_set, feature, positive, negative, rate=rate, read=read_options(reading)

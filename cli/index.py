@@ -37,6 +37,7 @@ SKIPPED = 5  # exit code: done, but some inputs were skipped
     "--store",
     required=True,
     type=click.Path(path_type=Path),
+    metavar="STORE",
     help="The store, a folder; made if there is none.",
 )
 @click.option(
@@ -66,6 +67,7 @@ SKIPPED = 5  # exit code: done, but some inputs were skipped
 @click.option(
     "--root",
     type=click.Path(exists=True, file_okay=False, path_type=Path),
+    metavar="FOLDER",
     help="Name documents by their path below this folder.",
 )
 @click.option(

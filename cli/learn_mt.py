@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from mocapidx.tasks.learn import LearnedClass
 
 from .options import (
+    NewFile,
     NumberRange,
     jobs_option,
     quiet_option,
@@ -41,7 +42,11 @@ REPETITIONS = ("none", "auto")
     help="Take labels from names: the folder, or (?P<label>...) in an expression.",
 )
 @click.option(
-    "--output", required=True, type=click.Path(path_type=Path), help="The template file to write."
+    "--output",
+    required=True,
+    type=NewFile(),
+    metavar="FILE",
+    help="The template file to write.",
 )
 @click.option(
     "--class",

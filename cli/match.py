@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from .options import NumberRange, quiet_option, store_argument
+from .options import NewFile, NumberRange, quiet_option, store_argument
 from .rows import note, print_rows, row_options, warn
 
 __all__ = ["match"]
@@ -16,6 +16,7 @@ __all__ = ["match"]
     "--web",
     required=True,
     type=click.Path(path_type=Path),
+    metavar="WEB",
     help="Match web of the store, from web build.",
 )
 @click.option(
@@ -84,7 +85,7 @@ __all__ = ["match"]
 )
 @click.option(
     "--graph",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=NewFile(),
     metavar="FILE",
     help="Write the match graph: .json (for blend) or .graphml; .png or .svg draws it.",
 )

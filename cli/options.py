@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from mocapidx.tasks.read import ReadOptions
 
 __all__ = [
+    "NewFile",
     "NumberRange",
     "jobs_option",
     "lock_options",
@@ -27,8 +28,13 @@ __all__ = [
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 
+click.IntRange.name = "whole number"  # what messages call it where it is none
+
+
 class NumberRange(click.FloatRange):
     """A number between bounds; NaN, which no comparison keeps out, is none."""
+
+    name = "number"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Read the number as click does, and refuse NaN."""
@@ -36,6 +42,20 @@ class NumberRange(click.FloatRange):
         if math.isnan(number):
             self.fail(f"{value!r} is not a number.", param, ctx)
         return number
+
+
+class NewFile(click.Path):
+    """A file to be written; a wrong folder is told now and not after hours of work."""
+
+    def __init__(self, *, allow_dash: bool = False) -> None:
+        super().__init__(dir_okay=False, path_type=Path, allow_dash=allow_dash)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Take the path, and refuse one in a folder that is not there."""
+        path = Path(os.fsdecode(super().convert(value, param, ctx)))
+        if not path.parent.is_dir():
+            self.fail(f"{path}: there is no folder {path.parent}; make it first", param, ctx)
+        return path
 
 
 store_argument = click.argument("store", type=click.Path(path_type=Path))
@@ -107,7 +127,7 @@ def read_options(values: dict[str, Any]) -> "ReadOptions":
 READING = (
     click.option(
         "--skeleton",
-        type=click.Path(path_type=Path),
+        type=click.Path(exists=True, dir_okay=False, path_type=Path),
         metavar="FILE",
         help="Skeleton (.asf) of AMC or body model (.npz) of AMASS.  [default: found; a template]",
     ),

@@ -5,13 +5,13 @@ from typing import Any
 
 import click
 
-from .options import NumberRange, read_options, reading_options, store_argument
+from .options import NewFile, NumberRange, read_options, reading_options, store_argument
 
 __all__ = ["plot"]
 
 picture_option = click.option(
     "--output",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=NewFile(),
     required=True,
     help="The picture: PNG or SVG by suffix.",
 )
@@ -46,7 +46,13 @@ def plot() -> None:
 
 @plot.command(short_help="Draw how near each class comes over time.")
 @click.argument("motion", type=click.Path(path_type=Path))
-@click.option("--templates", type=click.Path(path_type=Path), required=True, help="Template file.")
+@click.option(
+    "--templates",
+    type=click.Path(path_type=Path),
+    required=True,
+    metavar="FILE",
+    help="Template file, from learn-mt.",
+)
 @click.option(
     "--class",
     "classes",

@@ -7,6 +7,7 @@ import click
 
 from .auto import print_auto
 from .options import (
+    NewFile,
     quiet_option,
     read_options,
     reading_options,
@@ -64,7 +65,7 @@ UNSET = {None, "adaptive", 0}  # what they are where not given; 0 is also False
 )
 @click.option(
     "--learn",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=NewFile(),
     metavar="TEMPLATES",
     help="With auto: write a motion template of the example and the surest hits to this file.",
 )

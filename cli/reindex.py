@@ -17,6 +17,7 @@ __all__ = ["reindex"]
     "--store",
     required=True,
     type=click.Path(path_type=Path),
+    metavar="NEW",
     help="The new store, a folder; STORE itself is only read.",
 )
 @click.option(

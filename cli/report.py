@@ -7,7 +7,14 @@ import click
 
 from mocapidx.printable import count
 
-from .options import NumberRange, quiet_option, read_options, reading_options, store_argument
+from .options import (
+    NewFile,
+    NumberRange,
+    quiet_option,
+    read_options,
+    reading_options,
+    store_argument,
+)
 from .progress import Bar
 from .rows import note
 
@@ -19,7 +26,7 @@ __all__ = ["report"]
 @click.argument("records", type=click.Path(path_type=Path, allow_dash=True))
 @click.option(
     "--output",
-    type=click.Path(dir_okay=False, path_type=Path, allow_dash=True),
+    type=NewFile(allow_dash=True),
     required=True,
     metavar="REPORT.html",
     help="The page; it is written whole or not at all.",

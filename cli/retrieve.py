@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from .options import NumberRange, quiet_option, scheduler_option, spread, store_argument
+from .options import NewFile, NumberRange, quiet_option, scheduler_option, spread, store_argument
 from .rows import note, print_rows, row_options
 
 __all__ = ["retrieve"]
@@ -19,6 +19,7 @@ STEPS = ("weighted", "printed")
     "--templates",
     required=True,
     type=click.Path(path_type=Path),
+    metavar="FILE",
     help="Template file, from learn-mt.",
 )
 @click.option("--class", "label", required=True, metavar="NAME", help="The class to find.")
@@ -76,7 +77,7 @@ STEPS = ("weighted", "printed")
 )
 @click.option(
     "--profile",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=NewFile(),
     metavar="FILE.csv",
     help="Write the distance function: document, frame, time (seconds), cost.",
 )

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from .main import say
+from .options import NewFile
 
 if TYPE_CHECKING:
     from mocapidx.tasks.records import Record
@@ -24,7 +25,7 @@ def row_options(command: Command) -> Command:
     """Give a command ``--format`` and ``--output``."""
     command = click.option(
         "--output",
-        type=click.Path(dir_okay=False, path_type=Path, allow_dash=True),
+        type=NewFile(allow_dash=True),
         default=Path("-"),
         metavar="FILE",
         help="Where the records go; no file is left half written.  [default: - (stdout)]",

@@ -8,14 +8,14 @@ import click
 
 from mocapidx.printable import count
 
-from .options import NumberRange
+from .options import NewFile, NumberRange
 from .rows import note, print_rows, row_options
 
 __all__ = ["template"]
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
-FILE = click.Path(dir_okay=False, path_type=Path)
+FILE = NewFile()
 templates_argument = click.argument("templates", type=click.Path(path_type=Path))
 class_option = click.option("--class", "label", required=True, metavar="NAME", help="The class.")
 result_option = click.option(

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 from .options import (
+    NewFile,
     NumberRange,
     jobs_option,
     quiet_option,
@@ -42,7 +43,7 @@ def web() -> None:
 @click.option(
     "--output",
     required=True,
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=NewFile(),
     metavar="WEB",
     help="The web; where it is there already, only what is new is compared.",
 )
@@ -163,7 +164,7 @@ def build(
     )
 
 
-@web.command()
+@web.command(short_help="Show what a match web holds.")
 @click.argument("web_file", metavar="WEB", type=click.Path(path_type=Path))
 @row_options
 def info(web_file: Path, row_format: str, output: Path) -> None:

@@ -59,7 +59,13 @@ def test_no_argument_steers_a_terminal(tmp_path):
         ["\x1b[31m"],
     ):
         ours, theirs = pty.openpty()
-        done = subprocess.run([PROGRAM, *arguments], stdout=theirs, stderr=theirs, timeout=60)
+        done = subprocess.run(
+            [PROGRAM, *arguments],
+            stdout=theirs,
+            stderr=theirs,
+            env=os.environ | {"NO_COLOR": "1"},
+            timeout=60,
+        )
         os.close(theirs)
         shown = os.read(ours, 10_000).decode()
         os.close(ours)
