@@ -60,6 +60,17 @@ TOO_FAR: Final = "is more than 1e9 units away; is the file damaged?"
 SUFFIXES: Final = frozenset(READERS)
 
 
+def _unread(path: Path) -> str:
+    """Say why there is no reader for a file."""
+    if not path.exists():
+        return "no such file"
+    if path.is_dir():
+        return "is a folder, expected a motion file"
+    if path.suffix.lower() == ".asf":
+        return "a skeleton without motion; name an AMC file that moves it"
+    return f"no motion file by its name; mocapidx reads {', '.join(sorted(SUFFIXES))}"
+
+
 def is_motion_file(path: Path) -> bool:
     """Whether a file holds motion, by its suffix in any case.
 
@@ -162,10 +173,7 @@ def read_recording(
     """
     reader = READERS.get(path.suffix.lower())
     if reader is None:
-        raise FormatError(
-            f"{place(path)}: no motion file by its name; mocapidx reads "
-            f"{', '.join(sorted(SUFFIXES))}"
-        )
+        raise FormatError(f"{place(path)}: {_unread(path)}")
     recording = reader(path, skeleton_path, limits or Limits())
     if isinstance(recording, PointRecording):
         return _seen_points(path, recording)

@@ -32,12 +32,12 @@ def check_writable(path: Path) -> None:
         if not folder.is_dir():
             raise ParameterError(f"{path}: there is no folder {folder}; make it first")
     elif not path.is_dir():
-        raise ParameterError(f"{path}: is a file, a store is a folder; give another --store")
+        raise ParameterError(f"{path}: is a file, a store is a folder; give another place")
     else:
         folder = path
         if not os.path.lexists(path / schema.MANIFEST) and _strangers(path):
             raise ParameterError(
-                f"{path}: is a folder with other things in it, not a store; give another --store"
+                f"{path}: is a folder with other things in it, not a store; give another place"
             )
     if not os.access(folder, os.W_OK | os.X_OK):
         raise WriteError(f"{path}: may not be written; see to its permissions or its file system")

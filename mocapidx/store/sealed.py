@@ -212,6 +212,8 @@ def _read_file(path: Path, kind: SealedKind) -> bytes:
             f"{shown(path)}: no {kind.called} here; make one with '{kind.made_with}'"
         ) from exc
     except (OSError, EOFError) as exc:
+        if os.path.isdir(path):
+            raise StoreError(f"{shown(path)}: is a folder, expected a {kind.called}") from exc
         raise StoreError(f"{shown(path)}: can't be read ({reason(exc)})") from exc
     if len(data) < SEAL.size or not data.endswith(kind.magic):
         what = "it is cut off or not closed by its seal" if data.startswith(HDF5_MAGIC) else ""

@@ -93,11 +93,11 @@ class AnnotateOptions:
 
     def __post_init__(self) -> None:
         if self.fill and self.method != "path":
-            raise ParameterError("to fill every frame goes with the method 'path' only")
+            raise ParameterError("--fill (every frame) goes with --method path only")
         if self.tau is not None and self.method != "hits":
-            raise ParameterError("a threshold goes with the method 'hits' only")
+            raise ParameterError("--tau (a threshold) goes with --method hits only")
         if self.overlap != "rivals" and self.method != "hits":
-            raise ParameterError("to keep overlapping hits goes with the method 'hits' only")
+            raise ParameterError("--overlap keep goes with --method hits only")
 
 
 @dataclass(frozen=True, slots=True)

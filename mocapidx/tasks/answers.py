@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property, partial
-from itertools import islice
+from itertools import groupby, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -429,5 +429,10 @@ def untrusted_remarks(
 
 
 def feature_names(feature_set: FeatureSet, mask: int) -> str:
-    """Name the features of a mask by their ids."""
-    return ", ".join(id for bit, id in enumerate(feature_set.ids) if mask >> bit & 1)
+    """Name the features of a mask by their ids; three and more in a row by the first and last."""
+    names: list[str] = []
+    bits = [bit for bit in range(len(feature_set.ids)) if mask >> bit & 1]
+    for _, row in groupby(enumerate(bits), lambda entry: entry[1] - entry[0]):
+        ids = [feature_set.ids[bit] for _, bit in row]
+        names += [f"{ids[0]} to {ids[-1]}"] if len(ids) > 2 else ids
+    return ", ".join(names)

@@ -96,7 +96,8 @@ def _read_bytes(path: Path, where: str) -> bytes:
             data = read_at_most(sys.stdin.buffer, SIZE_LIMIT)
         else:
             if not path.is_file():
-                raise FormatError(f"{where}: no such file, or no regular file")
+                what = "is no regular file" if path.exists() else "no such file"
+                raise FormatError(f"{where}: {what}; expected hits or annotations (or - for stdin)")
             with path.open("rb") as file:
                 data = read_at_most(file, SIZE_LIMIT)
     except OSError as exc:
@@ -212,5 +213,6 @@ def _number(value: Any, name: str, place: str) -> float:
     except (ValueError, OverflowError):
         number = math.nan
     if not math.isfinite(number):
-        raise FormatError(f"{place}: '{name}' is no number: {shown(value, 40)}")
+        what = "empty, expected a number" if value == "" else f"no number: {shown(value, 40)}"
+        raise FormatError(f"{place}: '{name}' is {what}")
     return number

@@ -161,7 +161,8 @@ def _from_csv(text: str, path: Path) -> LabelFile:
 def _read_bytes(path: Path) -> bytes:
     try:
         if not path.is_file():
-            raise FormatError(f"{shown(path)}: no such labels file, or no regular file")
+            what = "is no regular file" if path.exists() else "no such labels file"
+            raise FormatError(f"{shown(path)}: {what}; expected one such as CSV of document,label")
         with path.open("rb") as file:
             data = read_at_most(file, SIZE_LIMIT)
     except OSError as exc:

@@ -130,7 +130,10 @@ def _wanted(take: Take, labels: Sequence[tuple[Label, int]]) -> Wanted:
                 "no frame of it lies in the label"
             )
         if (wanted[start:end] == -kind).any():
-            raise FormatError(f"{label.where}: overlaps an example of the other kind")
+            raise FormatError(
+                f"{label.where}: says the opposite of another label; "
+                "--positive and --negative must not overlap"
+            )
         wanted[start:end] = kind
     return wanted
 
@@ -140,7 +143,7 @@ def _check_found(missing: Mapping[str, Sequence[tuple[Label, int]]]) -> None:
         label = labels[0][0]
         raise FormatError(
             f"{label.where}: no document '{shown(label.document)}' in what was given; names are "
-            "paths below the folder, or those that 'mocapidx info' lists"
+            "paths below the folder, or those that 'mocapidx info STORE --documents' lists"
         )
 
 

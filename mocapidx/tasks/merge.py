@@ -105,9 +105,15 @@ def _check_settings(one: Snapshot, other: Snapshot) -> None:
             f"{ours.feature_set_digest[:12]}); 'mocapidx reindex' makes a store of another set"
         )
     if ours.rate != theirs.rate:
-        raise ParameterError(f"{where}: it holds frames at {theirs.rate:g} Hz, not {ours.rate:g}")
+        raise ParameterError(
+            f"{where}: it holds frames at {theirs.rate:g} Hz, not {ours.rate:g}; index its files "
+            f"into a new store with --rate {ours.rate:g}"
+        )
     if ours.poses != theirs.poses:
-        raise ParameterError(f"{where}: only one of them keeps poses")
+        raise ParameterError(
+            f"{where}: only one of them keeps poses; 'mocapidx reindex --no-poses' makes a store "
+            "without"
+        )
 
 
 def _unheld(

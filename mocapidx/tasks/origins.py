@@ -146,7 +146,7 @@ def _below(name: str, roots: Sequence[Path], asked: bool, options: ReadOptions) 
         raise FormatError(f"'{shown(name)}' is not the name of a document below a folder")
     path = next((root / name for root in roots if os.path.isfile(root / name)), None)
     if path is None:
-        places = "the store" if asked else "here"
+        places = "the store" if asked else "the current folder"
         if roots and roots != (Path(),):
             places = f"{shown(roots[0], None)}" if not asked else f"the store or {shown(roots[0])}"
         raise FormatError(

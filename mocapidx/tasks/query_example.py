@@ -8,6 +8,7 @@ import numpy as np
 
 from mocapidx.errors import ParameterError
 from mocapidx.model import BoolArray, FloatArray, IndexArray, WordArray
+from mocapidx.printable import shown
 from mocapidx.queries.pattern import Pattern, pattern_from_query
 from mocapidx.queries.steps import mirror_bits, steps_from_example
 from mocapidx.skeleton.joints import MIRROR
@@ -148,6 +149,12 @@ def ask_example(
     ParameterError
         If nothing is left that could be asked for, or a step that may disagree is not there.
     """
+    if mask and not mask & ~example.untrusted:
+        names = feature_names(archive.feature_set, mask)
+        raise ParameterError(
+            f"{shown(example.label)}: the example's skeleton can't tell {names}; select other "
+            "features, or give another example"
+        )
     query = steps_from_example(example.words, mask & ~example.untrusted)
     count, free = len(query.steps), None
     if may_fail is not None:

@@ -72,6 +72,11 @@ def make_folder(folder: Path) -> None:
     except OSError as exc:
         if isinstance(exc, FileExistsError):
             raise ParameterError(f"{shown(folder, None)}: is a file, expected a folder") from exc
+        if isinstance(exc, FileNotFoundError):
+            above = shown(folder.parent, None)
+            raise ParameterError(
+                f"{shown(folder, None)}: there is no folder {above}; make it first"
+            ) from exc
         reason = (exc.strerror or "").lower()
         raise ParameterError(f"{shown(folder, None)}: can't be made: {reason}") from exc
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mocapidx.errors import FormatError, ParameterError
-from mocapidx.formats.registry import holds_motion, is_motion_file
+from mocapidx.formats.registry import SUFFIXES, holds_motion, is_motion_file
 from mocapidx.printable import shown
 
 __all__ = ["Source", "find_sources"]
@@ -76,7 +76,10 @@ def find_sources(
         for path in _files(given):
             if not (is_motion_file(path) if path == given else holds_motion(path)):
                 if path == given:
-                    raise FormatError(f"{shown(str(path))}: not a kind of motion file that is read")
+                    raise FormatError(
+                        f"{shown(str(path))}: no motion file by its name; mocapidx reads "
+                        f"{', '.join(sorted(SUFFIXES))}"
+                    )
                 passed_over += path.suffix.lower() != ".asf"  # skeletons belong to AMC files
                 continue
             source = _source(path, given, root)

@@ -191,6 +191,12 @@ def mask_class(
     for template in templates.of(label):
         first = 0 if start is None else round(start * template.rate)
         last = None if end is None else round(end * template.rate)
+        frames = len(template.matrix)
+        if first >= min(frames, frames if last is None else last):
+            raise ParameterError(
+                f"'{shown(label)}' lasts {frames / template.rate:.2f} s; nothing of it lies "
+                "between --start and --end"
+            )
         masked.append(mask_template(_named(template, new_label), mask, first, last))
     save_templates(output, _with(templates, masked, replacing=label if not new_label else None))
 

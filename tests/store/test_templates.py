@@ -139,7 +139,11 @@ def test_a_table_larger_than_the_file_is_refused(path):
 
 def test_what_is_no_file_is_refused_in_one_line(tmp_path):
     os.mkfifo(tmp_path / "pipe")
-    for name, complaint in (("none", "no template file here"), (".", "read"), ("pipe", "read")):
+    for name, complaint in (
+        ("none", "no template file here"),
+        (".", "is a folder"),
+        ("pipe", "read"),
+    ):
         with pytest.raises(StoreError, match=complaint) as caught:
             read_templates(tmp_path / name)
         assert "\n" not in str(caught.value)

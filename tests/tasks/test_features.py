@@ -219,7 +219,7 @@ def test_wrong_examples_are_named_by_file_and_line(clips, tmp_path):
     for rows, named in (
         (["none.amc,a,,"], r"bad\.csv:2: no document 'none\.amc'"),
         ([f"{name},a,90,95"], r"bad\.csv:2: .* no frame of it lies in the label"),
-        ([f"{name},a,0.4,0.6"], r"bad\.csv:2: overlaps an example of the other kind"),
+        ([f"{name},a,0.4,0.6"], r"bad\.csv:2: says the opposite of another label"),
     ):
         with pytest.raises(FormatError, match=named):
             learn_feature([clips], F39, "F20", good, labels(tmp_path / "bad.csv", rows))

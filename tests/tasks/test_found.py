@@ -64,6 +64,7 @@ GOOD = {"document": "a", "start_time": 0, "end_time": 1, "label": "x"}
         (f"{json.dumps(GOOD)}\n[1]\n", ":2: not a JSON object"),
         (json.dumps(GOOD | {"document": 3}), "'document' is no text"),
         (json.dumps(GOOD | {"start_time": True}), "'start_time' is no number: True"),
+        (json.dumps(GOOD | {"start_time": ""}), "'start_time' is empty, expected a number"),
         (json.dumps(GOOD | {"end_time": None}), "'end_time' is no number"),
         (json.dumps(GOOD | {"cost": float("nan")}), "'cost' is no number"),
         (json.dumps(GOOD | {"end_time": 0}), "goes from 0 s to 0 s"),
@@ -82,6 +83,7 @@ def test_what_is_no_record_is_told_by_line(tmp_path, text, complaint):
 
 
 def test_a_missing_file_and_a_folder_are_refused(tmp_path):
-    for path in (tmp_path / "none", tmp_path):
-        with pytest.raises(FormatError, match="no such file, or no regular file"):
-            read_found(path)
+    with pytest.raises(FormatError, match="no such file; expected hits"):
+        read_found(tmp_path / "none")
+    with pytest.raises(FormatError, match="is no regular file; expected hits"):
+        read_found(tmp_path)

@@ -264,7 +264,7 @@ def test_features_that_documents_cannot_tell_have_no_weight(clips, tmp_path):
     untrusted = {"d2.amc": mask, "d3.amc": mask}
     path = make_word_store(tmp_path / "s.store", documents, untrusted=untrusted)
     found = query_auto(path, example(clips, "squat"))
-    assert any("in 2 documents F1, F2, F3 have no weight" in remark for remark in found.remarks)
+    assert any("in 2 documents F1 to F3 have no weight" in remark for remark in found.remarks)
     assert {hit.document for hit in found.hits} == set(documents)
 
 

@@ -135,7 +135,7 @@ def test_templates_without_training(tmp_path):
         (lambda t: mirror_class(t, "grab", "squat", t), ParameterError, "'squat' already"),
         (lambda t: mask_class(t, "grab", t), ParameterError, "nothing to match"),
         (lambda t: mask_class(t, "grab", t, features="F99"), ParameterError, "F99"),
-        (lambda t: mask_class(t, "grab", t, start=9.0), ParameterError, "frames 0 to 25"),
+        (lambda t: mask_class(t, "grab", t, start=9.0), ParameterError, "lasts 0.83 s; nothing"),
         (lambda t: subtract_classes(t, "grab", ["grab"], t), ParameterError, "from itself"),
         (lambda t: combine_classes(t, ["grab"], "x", t), ParameterError, "at least two"),
         (lambda t: keyframe_class(t, "grab", [25], 0, t), ParameterError, "0 to 24"),
