@@ -5,15 +5,22 @@ from typing import Any
 
 import click
 
-from .options import NewFile, NumberRange, quiet_option, read_options, reading_options
+from .options import (
+    NewFile,
+    NumberRange,
+    complete_file,
+    quiet_option,
+    read_options,
+    reading_options,
+)
 from .rows import note, print_rows, row_options, warn
 
 __all__ = ["align"]
 
 
 @click.command()
-@click.argument("a", metavar="A")
-@click.argument("b", metavar="B")
+@click.argument("a", metavar="A", shell_complete=complete_file)
+@click.argument("b", metavar="B", shell_complete=complete_file)
 @click.option(
     "--store",
     type=click.Path(path_type=Path),
@@ -48,6 +55,7 @@ __all__ = ["align"]
     default="f39",
     show_default=True,
     metavar="NAME|FILE",
+    shell_complete=complete_file,
     help="Relational features of files; a store has its own.",
 )
 @click.option(

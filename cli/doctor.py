@@ -7,7 +7,7 @@ import click
 
 from mocapidx.printable import count
 
-from .options import quiet_option, read_options, reading_options
+from .options import complete_file, quiet_option, read_options, reading_options
 from .progress import Bar
 from .rows import note, print_lines, print_rows, row_options
 
@@ -25,6 +25,7 @@ SKIPPED = 5  # exit code: done, but some inputs could not be used
     default="f39",
     show_default=True,
     metavar="NAME|FILE",
+    shell_complete=complete_file,
     help="Whose features are told from those not to be trusted.",
 )
 @reading_options

@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from .options import NewFile, NumberRange, read_options, reading_options
+from .options import NewFile, NumberRange, complete_file, read_options, reading_options
 from .rows import print_rows, row_options
 
 __all__ = ["features"]
@@ -16,6 +16,7 @@ set_option = click.option(
     default="f39",
     show_default=True,
     metavar="NAME|FILE|STORE",
+    shell_complete=complete_file,
     help="A shipped set, a TOML file, or the set of a store.",
 )
 rate_option = click.option(
@@ -43,7 +44,7 @@ def features() -> None:
 
 
 @features.command("list", short_help="List feature sets.")
-@click.argument("sets", nargs=-1, metavar="[SET]...")
+@click.argument("sets", nargs=-1, metavar="[SET]...", shell_complete=complete_file)
 @row_options
 def list_sets(sets: tuple[str, ...], row_format: str, output: Path) -> None:
     """List feature sets: the shipped ones, or each SET, a TOML file or a store.
@@ -59,7 +60,7 @@ def list_sets(sets: tuple[str, ...], row_format: str, output: Path) -> None:
 
 
 @features.command(short_help="Show the features of a set.")
-@click.argument("name", metavar="SET", default="f39")
+@click.argument("name", metavar="SET", default="f39", shell_complete=complete_file)
 @click.option(
     "--select",
     default="all",
@@ -81,7 +82,7 @@ def show(name: str, select: str, row_format: str, output: Path) -> None:
 
 
 @features.command(short_help="Check a set, and try it on motion.")
-@click.argument("name", metavar="SET")
+@click.argument("name", metavar="SET", shell_complete=complete_file)
 @click.argument("inputs", nargs=-1, metavar="[MOTION]...", type=click.Path(path_type=Path))
 @rate_option
 @reading_options

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 from .options import (
     NumberRange,
+    complete_file,
     jobs_option,
     lock_options,
     quiet_option,
@@ -49,6 +50,7 @@ SKIPPED = 5  # exit code: done, but some inputs were skipped
 @click.option(
     "--feature-set",
     metavar="NAME|FILE",
+    shell_complete=complete_file,
     help="Features: f39, f31 or a TOML file.  [default: the store's, f39 in a new one]",
 )
 @click.option(

@@ -10,11 +10,14 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
     from mocapidx.tasks.read import ReadOptions
 
 __all__ = [
     "NewFile",
     "NumberRange",
+    "complete_file",
     "jobs_option",
     "lock_options",
     "quiet_option",
@@ -56,6 +59,15 @@ class NewFile(click.Path):
         if not path.parent.is_dir():
             self.fail(f"{path}: there is no folder {path.parent}; make it first", param, ctx)
         return path
+
+
+def complete_file(
+    ctx: click.Context, param: click.Parameter, incomplete: str
+) -> "list[CompletionItem]":
+    """Let a shell complete files where a value is a file, or something else."""
+    from click.shell_completion import CompletionItem
+
+    return [CompletionItem(incomplete, type="file")]
 
 
 store_argument = click.argument("store", type=click.Path(path_type=Path))

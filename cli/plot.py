@@ -5,7 +5,14 @@ from typing import Any
 
 import click
 
-from .options import NewFile, NumberRange, read_options, reading_options, store_argument
+from .options import (
+    NewFile,
+    NumberRange,
+    complete_file,
+    read_options,
+    reading_options,
+    store_argument,
+)
 
 __all__ = ["plot"]
 
@@ -143,6 +150,7 @@ def annotation(
     default="f39",
     show_default=True,
     metavar="NAME|FILE",
+    shell_complete=complete_file,
     help="Features of a file; a store has its own.",
 )
 @picture_option

@@ -8,6 +8,7 @@ import click
 from .auto import print_auto
 from .options import (
     NewFile,
+    complete_file,
     quiet_option,
     read_options,
     reading_options,
@@ -32,6 +33,7 @@ UNSET = {None, "adaptive", 0}  # what they are where not given; 0 is also False
     "examples",
     multiple=True,
     metavar="FILE[@START:END]",
+    shell_complete=complete_file,
     help="A motion file, or a document of STORE, or the part between two times in seconds.",
 )
 @click.option(

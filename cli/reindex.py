@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from .options import lock_options, quiet_option
+from .options import complete_file, lock_options, quiet_option
 from .progress import Bar
 from .rows import note
 
@@ -24,6 +24,7 @@ __all__ = ["reindex"]
     "--feature-set",
     required=True,
     metavar="NAME|FILE",
+    shell_complete=complete_file,
     help="Relational features: a shipped set or a TOML file.",
 )
 @click.option(

@@ -10,6 +10,7 @@ from mocapidx.printable import count
 from .options import (
     NewFile,
     NumberRange,
+    complete_file,
     quiet_option,
     read_options,
     reading_options,
@@ -34,6 +35,7 @@ __all__ = ["report"]
 @click.option(
     "--example",
     metavar="FILE[@START:END]",
+    shell_complete=complete_file,
     help="The query, a file or a document of STORE, to be seen beside each hit.  "
     "[default: the best hit of each class]",
 )

@@ -33,6 +33,13 @@ def test_options_and_their_values_are_completed():
     assert completed("retrieve", "--steps", "pr") == ["printed"]
 
 
+@pytest.mark.parametrize(
+    "words", [("query", "a.store", "--example"), ("align",), ("index", ".", "--feature-set")]
+)
+def test_a_value_that_begins_with_a_file_is_completed_as_one(words):
+    assert completed(*words, "tak") == ["tak"]
+
+
 def test_completing_a_command_imports_none():
     code = (
         "import sys\nfrom mocapidx_cli.main import main\nsys.argv = ['mocapidx']\n"
