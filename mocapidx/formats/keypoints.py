@@ -136,6 +136,8 @@ def _numbers(where: str, frame: int, points: Any) -> list[float]:
         return []
     if not isinstance(points, list):
         raise FormatError(f"{where}: frame {frame} is no list of points")
+    if all(point is None for point in points):
+        return []
     width = max((len(point) for point in points if isinstance(point, list)), default=0)
     flat: list[Any] = []
     for point in points:

@@ -26,6 +26,7 @@ SCENES: Final = Path(__file__).parent / "scenes"
 MOST_PROGRESSIONS: Final = 32
 MOST_CONDITIONS: Final = 256
 DEEPEST: Final = 8
+LONGEST: Final = 1e9  # seconds
 CONDITION: Final = re.compile(
     r"(?P<one>\S+) +(?P<relation>overlaps|during|before|after|near) +(?P<other>\S+)"
     r"(?: +within +(?P<within>[0-9.]+) *s?)?",
@@ -214,7 +215,7 @@ def _steps(items: list[Any], feature_set: FeatureSet, where: str, depth: int) ->
 
 def _seconds(tree: Mapping[str, Any], key: str, default: float, where: str) -> float:
     value = tree.get(key, default)
-    if type(value) not in (int, float) or not value >= 0:
+    if type(value) not in (int, float) or not value >= 0 or LONGEST < value < math.inf:
         raise FormatError(f"{where}: '{key}' must be seconds, 0 or more")
     return float(value)
 

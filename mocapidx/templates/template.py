@@ -113,7 +113,8 @@ class MotionTemplate:
         if not (np.isfinite(self.rate) and self.rate > 0):
             raise ParameterError(f"{where}: the rate must be positive, got {self.rate} Hz")
         if self.kind not in ("class", "stretch"):
-            raise ParameterError(f"{where}: the kind must be 'class' or 'stretch', not {self.kind}")
+            kind = shown(self.kind, 40)
+            raise ParameterError(f"{where}: the kind must be 'class' or 'stretch', not '{kind}'")
         if list(self.keyframes) != sorted({*self.keyframes} & {*range(shape[0])}):
             raise ParameterError(
                 f"{where}: keyframes must be different, ascending and from 0 to {shape[0] - 1}, "

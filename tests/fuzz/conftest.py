@@ -1,4 +1,5 @@
 import os
+import shutil
 import time
 from pathlib import Path
 
@@ -17,6 +18,12 @@ def seeds(fixtures_dir, tmp_path_factory):
     folder = tmp_path_factory.mktemp("seeds")
     make_seeds(folder, fixtures_dir)
     return folder
+
+
+@pytest.fixture
+def store(seeds, tmp_path):
+    """A store of three short takes in two segment files."""
+    return shutil.copytree(seeds / "take.store", tmp_path / "take.store")
 
 
 @pytest.fixture(scope="session")

@@ -207,3 +207,37 @@ def blocks_of(data, dataset, row_bytes):
 def rewrite(store, manifest, number, forged):
     files = [*manifest.files[:number], forged, *manifest.files[number + 1 :]]
     (store / schema.MANIFEST).write_bytes(encode_manifest(replace(manifest, files=tuple(files))))
+
+
+def tree_of(store):
+    return json.loads((store / "MANIFEST").read_bytes().partition(b"\n")[2])
+
+
+def with_tree(change):
+    """A change of the JSON of a manifest, which gets a right digest."""
+
+    def apply(store):
+        tree = tree_of(store)
+        change(tree)
+        (store / "MANIFEST").write_bytes(digested(json.dumps(tree).encode()))
+
+    return apply
+
+
+def with_index(change):
+    """A change of the bytes of an index, which gets right digests and sizes."""
+
+    def apply(store):
+        manifest = read_manifest(store)
+        file = manifest.files[0]
+        path = store / "segments" / file.names[1]
+        data, head_size = change(path.read_bytes(), file.head.size)
+        path.write_bytes(data)
+        forged = replace(
+            file,
+            idx=FileRecord(len(data), file_digest(data).hexdigest()),
+            head=FileRecord(head_size, file_digest(data[:head_size]).hexdigest()),
+        )
+        rewrite(store, manifest, 0, forged)
+
+    return apply

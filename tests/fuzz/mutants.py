@@ -24,8 +24,8 @@ FIELDS = (0, 1, 2, 0x7F, 0x80, 0xFF, 0x7FFF, 0x8000, 0xFFFF, 0x7FFFFFFF, 0x80000
 WIDE = (*FIELDS, 1 << 40, (1 << 62) + 1, (1 << 63) - 1, 1 << 63, (1 << 64) - 1)
 NODES = (
     None, True, False, 0, -1, 1, 2, 0.5, 1e308, -1e-320, 2**31, 2**53, 2**63, 2**64, 10**40, "",
-    "x", "\0", "\x1b[2J", "\ud800", "\u202e", "../../etc/passwd", "x" * 3000, [], {}, [[]], [None],
-    [0], [-1, 0], [1, 2, 3], {"a": 1}, [[[[[[]]]]]], "nan", "0" * 64, 1e-9, 100.0,
+    10**400, "x", "\0", "\x1b[2J", "\ud800", "\u202e", "../../etc/passwd", "x" * 3000, [], {}, [[]],
+    [None], [0], [-1, 0], [1, 2, 3], {"a": 1}, [[[[[[]]]]]], "nan", "0" * 64, 1e-9, 100.0,
 )  # fmt: skip
 
 
@@ -118,7 +118,7 @@ def somewhere(data, rng):
 
 def changed_tree(tree, rng):
     """A tree of JSON with one to three nodes changed, dropped, doubled or moved."""
-    tree = json.loads(json.dumps(tree))
+    tree = copied(tree)
     for _ in range(rng.choice((1, 1, 2, 3))):
         places = list(nodes_of(tree))
         if not places:
@@ -128,22 +128,25 @@ def changed_tree(tree, rng):
         if way < 0.6:
             value = holder[key]
             is_number = type(value) in (int, float) and rng.random() < 0.5
-            holder[key] = nudged(value, rng) if is_number else rng.choice(NODES)
+            holder[key] = nudged(value, rng) if is_number else copied(rng.choice(NODES))
         elif way < 0.75:
             del holder[key]
         elif way < 0.9:
             other, theirs = rng.choice(places)
-            with_value = json.loads(json.dumps(other[theirs])) if usable(other, theirs) else None
-            holder[key] = with_value
+            holder[key] = copied(other[theirs]) if usable(other, theirs) else None
         elif type(holder) is list:
-            holder.append(holder[key])
+            holder.append(copied(holder[key]))
         else:
-            holder[str(rng.choice(NODES))] = holder[key]
+            holder[str(rng.choice(NODES))] = copied(holder[key])
     return tree
 
 
+def copied(tree):
+    return json.loads(json.dumps(tree))
+
+
 def nudged(value, rng):
-    return rng.choice((value + 1, value - 1, -value, value * 2, float(value), value * 1000))
+    return rng.choice((value + 1, value - 1, -value, value * 2, value / 1, value * 1000))
 
 
 def usable(holder, key):

@@ -4,18 +4,16 @@ import contextlib
 import hashlib
 import json
 import os
-import shutil
 import struct
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from mocapidx.errors import StoreError
 from mocapidx.index.postings import ENTRY, HEADER, MAGIC, PART
-from mocapidx.store.manifest import FileRecord, file_digest
+from mocapidx.store.manifest import file_digest
 from mocapidx.store.read import read_manifest
 from mocapidx.store.sealed import SEAL
 from mocapidx.store.sigma import read_sigma, sigma_fault
@@ -24,7 +22,7 @@ from mocapidx.tasks.info import document_info, store_info
 from mocapidx.tasks.query import query_store
 from mocapidx.tasks.verify import verify_store
 from mocapidx.templates.file import load_templates
-from tests.fuzz.forging import digested, rewrite
+from tests.fuzz.forging import digested, tree_of, with_index, with_tree
 
 HEARD = []
 """Paths that this process opens while somebody listens; a hook can't be taken away again."""
@@ -56,30 +54,10 @@ def nothing_outside(folder):
     assert outside == []
 
 
-@pytest.fixture
-def store(seeds, tmp_path):
-    return shutil.copytree(seeds / "take.store", tmp_path / "take.store")
-
-
 def sparse(path, size=1 << 30):
     path.unlink(missing_ok=True)
     with path.open("wb") as file:
         file.truncate(size)
-
-
-def tree_of(store):
-    return json.loads((store / "MANIFEST").read_bytes().partition(b"\n")[2])
-
-
-def with_tree(change):
-    """A change of the JSON of a manifest, which gets a right digest."""
-
-    def apply(store):
-        tree = tree_of(store)
-        change(tree)
-        (store / "MANIFEST").write_bytes(digested(json.dumps(tree).encode()))
-
-    return apply
 
 
 def with_body(make):
@@ -111,25 +89,6 @@ def set_of(key, value):
 
 def words_of(entry):
     return entry["datasets"]["frames/words"]
-
-
-def with_index(change):
-    """A change of the bytes of an index, which gets right digests and sizes."""
-
-    def apply(store):
-        manifest = read_manifest(store)
-        file = manifest.files[0]
-        path = store / "segments" / file.names[1]
-        data, head_size = change(path.read_bytes(), file.head.size)
-        path.write_bytes(data)
-        forged = replace(
-            file,
-            idx=FileRecord(len(data), file_digest(data).hexdigest()),
-            head=FileRecord(head_size, file_digest(data[:head_size]).hexdigest()),
-        )
-        rewrite(store, manifest, 0, forged)
-
-    return apply
 
 
 def head_field(place, pattern, *values):

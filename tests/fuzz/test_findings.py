@@ -1,0 +1,135 @@
+"""What the machines found, one by one, so that nobody has to find it again."""
+
+import json
+import struct
+
+import numpy as np
+import pytest
+
+from mocapidx.errors import FormatError, StoreError
+from mocapidx.formats.registry import read_recording
+from mocapidx.graphs.graph_text import graph_from_graphml
+from mocapidx.queries.files import parse_pattern
+from mocapidx.store.templates import read_templates, write_templates
+from mocapidx.tasks.info import document_info, store_info
+from mocapidx.tasks.query import query_store
+from mocapidx.tasks.template import shown_template
+from mocapidx.templates.file import load_templates
+from tests.fuzz.forging import tree_of, with_index, with_tree
+from tests.fuzz.seeds import put
+from tests.fuzz.targets import F39
+from tests.made_points import c3d_bytes
+
+
+def test_a_signalling_nan_is_a_point_that_was_not_seen(tmp_path):
+    data = c3d_bytes(["A", "B"], np.full((4, 2, 3), 5.0))
+    signalling = struct.pack("<I", 0x7F800001)
+    changed = data.replace(struct.pack("<f", 5.0), signalling, 1)
+    found = read_recording(put(tmp_path, ".", "x.c3d", changed)).positions
+    assert np.isnan(found[0, 0]).all()
+    assert np.isfinite(found[0, 1]).all()
+
+
+def test_names_beyond_unicode_are_refused(tmp_path):
+    names = np.array(["a", "b"])
+    np.savez(tmp_path / "x.npz", positions=np.zeros((2, 2, 3)), joints=names, rate=30)
+    data = (tmp_path / "x.npz").read_bytes()
+    odd = names.copy()
+    odd.view("u4")[1] = 0x110000
+    members = {"positions": np.zeros((2, 2, 3)), "rate": 30, "joints": odd}
+    np.savez(tmp_path / "x.npz", **members)
+    assert (tmp_path / "x.npz").read_bytes() != data
+    with pytest.raises(FormatError, match="what is no character"):
+        read_recording(tmp_path / "x.npz")
+
+
+def test_angles_that_overflow_are_refused(tmp_path):
+    poses = np.zeros((2, 156))
+    poses[1, 3] = 1e300
+    np.savez(tmp_path / "x.npz", poses=poses, trans=np.zeros((2, 3)), mocap_framerate=60)
+    with pytest.raises(FormatError, match="no angle in radians"):
+        read_recording(tmp_path / "x.npz")
+
+
+def test_a_frame_of_which_no_point_was_seen_is_one(tmp_path):
+    frames = [[[1, 2, 3], [4, 5, 6]], [None, None], [[1, 2, 3], None]]
+    path = tmp_path / "x.json"
+    path.write_text(json.dumps({"joints": ["a", "b"], "frames": frames}))
+    assert np.isnan(read_recording(path).positions[:, :, 0]).tolist() == [
+        [False, False],
+        [True, True],
+        [False, True],
+    ]
+
+
+@pytest.mark.parametrize("encoding", ["UT8", "utf-7", "hex", "idna", "x" * 100])
+def test_graphml_of_another_encoding_is_read_as_the_text_that_it_is(encoding):
+    with pytest.raises(FormatError, match="not a match graph"):
+        graph_from_graphml(f'<?xml version="1.0" encoding="{encoding}"?><graphml/>')
+
+
+@pytest.mark.parametrize("seconds", ["9" * 400, "1" + "0" * 15])
+def test_seconds_without_end_are_refused(seconds):
+    text = f'steps = ["F20", {{ is = "F37", min = {seconds} }}]'
+    with pytest.raises(FormatError, match="'min' must be seconds"):
+        parse_pattern(text, F39, 30.0, "p.toml")
+
+
+def test_a_kind_of_template_steers_no_terminal(seeds, tmp_path):
+    meta, matrices = read_templates(seeds / "templates/t.mt")
+    meta["templates"][0]["kind"] = "\x1b[2J" + "x" * 5000
+    write_templates(tmp_path / "t.mt", meta, matrices)
+    with pytest.raises(StoreError) as caught:
+        load_templates(tmp_path / "t.mt")
+    assert str(caught.value).isprintable()
+    assert len(str(caught.value)) < 400
+
+
+def test_templates_of_other_features_than_their_text_are_refused(seeds, tmp_path):
+    meta, matrices = read_templates(seeds / "templates/t.mt")
+    write_templates(tmp_path / "t.mt", meta, [matrix[:, :5] for matrix in matrices])
+    with pytest.raises(StoreError, match="other features than their feature set"):
+        shown_template(tmp_path / "t.mt", "squat")
+    meta["feature_set_text"] = "nonsense ="
+    write_templates(tmp_path / "u.mt", meta, matrices)
+    with pytest.raises(StoreError, match="make the template file again"):
+        shown_template(tmp_path / "u.mt", "squat")
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("skeleton", 3),
+        ("skeleton", []),
+        ("skeleton", [3]),
+        ("skeleton", ["a\0"]),
+        ("skeleton", ["a", "b"]),
+        ("source_start", "x"),
+        ("source_start", -1),
+        ("source_start", 2**62),
+        ("untrusted", []),
+        ("coincident", [3]),
+        ("coincident", 3),
+        ("coincident", [["a", "b", "c"]]),
+    ],
+)
+def test_whatever_a_store_says_of_a_skeleton_is_told_or_refused(store, key, value):
+    with_tree(lambda tree: tree["rigs"][0].__setitem__(key, value))(store)
+    name = tree_of(store)["files"][0]["documents"]["name"][0]
+    if key == "coincident":
+        asked(store, name)
+        return
+    with pytest.raises(StoreError) as caught:
+        asked(store, name)
+    assert str(caught.value).isprintable()
+
+
+def asked(store, name):
+    document_info(store, name)
+    query_store(store, steps_of=("F20", "0"))
+
+
+def test_lists_of_another_part_are_damage(store):
+    with_index(lambda data, size: (data.replace(b"upper", b"apper", 1), size))(store)
+    with pytest.raises(StoreError, match="its lists are of other runs"):
+        store_info(store)
