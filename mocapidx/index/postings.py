@@ -23,6 +23,7 @@ from pyroaring import BitMap
 from mocapidx.errors import StoreError
 from mocapidx.index.build import FREE_WORD
 from mocapidx.model import IndexArray
+from mocapidx.printable import shown
 
 __all__ = ["InvertedLists", "encode_index", "open_index"]
 
@@ -141,7 +142,7 @@ def open_index(
         if place + count * ENTRY.itemsize > len(head):
             raise StoreError(f"{name}: the directory is cut off: {count} lists do not fit")
         entries = np.frombuffer(head, ENTRY, count, place)
-        part = raw.rstrip(b"\0").decode("ascii", "backslashreplace")
+        part = shown(raw.rstrip(b"\0").decode("ascii", "backslashreplace"))
         lists[part] = InvertedLists(entries, runs, offset, read, f"{name}: {part}")
         place += count * ENTRY.itemsize
         offset += int(entries["size"].sum(dtype=np.int64))

@@ -146,7 +146,8 @@ def copied(tree):
 
 
 def nudged(value, rng):
-    return rng.choice((value + 1, value - 1, -value, value * 2, value / 1, value * 1000))
+    as_float = float(value) if abs(value) < 1e300 else 0.5
+    return rng.choice((value + 1, value - 1, -value, value * 2, as_float, value * 1000))
 
 
 def usable(holder, key):

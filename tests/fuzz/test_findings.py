@@ -9,7 +9,9 @@ import pytest
 from mocapidx.errors import FormatError, StoreError
 from mocapidx.formats.registry import read_recording
 from mocapidx.graphs.graph_text import graph_from_graphml
+from mocapidx.index.postings import open_index
 from mocapidx.queries.files import parse_pattern
+from mocapidx.store.read import read_manifest
 from mocapidx.store.templates import read_templates, write_templates
 from mocapidx.tasks.info import document_info, store_info
 from mocapidx.tasks.query import query_store
@@ -127,6 +129,14 @@ def test_whatever_a_store_says_of_a_skeleton_is_told_or_refused(store, key, valu
 def asked(store, name):
     document_info(store, name)
     query_store(store, steps_of=("F20", "0"))
+
+
+def test_a_part_of_control_characters_steers_no_terminal(store):
+    with_index(lambda data, size: (data.replace(b"upper", b"\0\x1b[2", 1), size))(store)
+    head = read_manifest(store).files[0]
+    data = (store / "segments" / head.names[1]).read_bytes()
+    lists = open_index(data[: head.head.size], lambda at, size: b"", len(data))
+    assert all(name.isprintable() for name in lists)
 
 
 def test_lists_of_another_part_are_damage(store):
