@@ -132,7 +132,7 @@ def asked(store, name):
 
 
 def test_a_part_of_control_characters_steers_no_terminal(store):
-    with_index(lambda data, size: (data.replace(b"upper", b"\0\x1b[2", 1), size))(store)
+    with_index(lambda data, size: (data.replace(b"upper", b"\x1b[2Jx", 1), size))(store)
     head = read_manifest(store).files[0]
     data = (store / "segments" / head.names[1]).read_bytes()
     lists = open_index(data[: head.head.size], lambda at, size: b"", len(data))
