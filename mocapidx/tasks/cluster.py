@@ -51,6 +51,10 @@ SETTINGS: Final = {
     "distributed.worker.memory.target": False,
     "distributed.worker.memory.spill": False,
     "distributed.worker.memory.pause": False,
+    # Dask's own choice, MALLOC_TRIM_THRESHOLD_, gives each array's memory back at once: half the
+    # time then goes into getting it again.
+    "distributed.nanny.pre-spawn-environ": {"OPENBLAS_NUM_THREADS": 1, "OMP_NUM_THREADS": 1},
+    "distributed.worker.profile.enabled": False,
     "distributed.worker.preload": ["import os; os.dup2(os.open(os.devnull, os.O_WRONLY), 2)"],
 }
 """Of a cluster on this machine. Its workers have no word: some of theirs come as they end."""
