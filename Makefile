@@ -1,5 +1,7 @@
 # make demo   set everything up and run the main job on motion that the project generates
 # make test   set everything up and pass all checks and tests
+# make torture   attack every reader and every store with damaged and hostile files, for hours;
+#   TORTURE=short make torture   as many as make test does, TORTURE=1000 make torture   1000 of each
 # make sanitize   test the C kernels and the readers with sanitizers of memory and behaviour
 # The rest:   dev kernels tests lint types check bench bench-quick fixtures three pictures docs clean
 
@@ -8,10 +10,11 @@ VENV := .venv
 BIN := $(VENV)/bin
 WORK := build
 SANITIZED := $(WORK)/sanitized
+TORTURED := tests/fuzz
 QUICK := test_a_megabyte_of_nonsense_takes_neither_time_nor_memory
 BUILT_FROM := pyproject.toml setup.py $(wildcard mocapidx/kernels/*.[ch])
 
-.PHONY: demo test tests sanitize dev kernels lint types check bench bench-quick fixtures three pictures clean docs
+.PHONY: demo test tests torture sanitize dev kernels lint types check bench bench-quick fixtures three pictures clean docs
 
 demo: $(VENV)/.demo $(WORK)/fixtures/.done
 	$(BIN)/python fixtures/demo.py --fixtures $(WORK)/fixtures --output $(WORK)/demo
@@ -20,6 +23,14 @@ test: lint types tests
 
 tests: $(VENV)/.test
 	$(BIN)/python -m pytest -n auto -q
+
+# What was tried, what was wrong and how long it took stands in a table afterwards.
+torture: $(VENV)/.test
+	mkdir -p $(WORK)
+	rm -f $(WORK)/torture.tsv
+	TORTURE=$${TORTURE:-full} TORTURE_REPORT="$(CURDIR)/$(WORK)/torture.tsv" \
+	  $(BIN)/python -m pytest -q -p no:cacheprovider $(TORTURED); \
+	  code=$$?; cat $(WORK)/torture.tsv; exit $$code
 
 # The program that the tests start finds the same package by PYTHONPATH. Without the library of C++
 # an exception of it ends a process that has the sanitizer; and some peers free what is not theirs.

@@ -102,9 +102,14 @@ def forged_archive(data, others, rng):
     return stream.getvalue()
 
 
+def files_of(store):
+    """List the files of a store, but for its lock."""
+    return [path for path in sorted(store.rglob("*")) if path.is_file() and path.name != "LOCK"]
+
+
 def flip_bit(store, rng, number):
     """Flip one bit of a store; so many numbers as there are bits flip each of them once."""
-    files = [path for path in sorted(store.rglob("*")) if path.is_file() and path.name != "LOCK"]
+    files = files_of(store)
     sizes = [path.stat().st_size for path in files]
     place, bit = divmod(number * STEP % (8 * sum(sizes)), 8)
     for path, size in zip(files, sizes, strict=True):

@@ -60,7 +60,7 @@ class Target:
     `place` is where it lies in a folder of work; `read` gives an answer as text; `mutant` makes
     bytes of a seed, all seeds and a generator of random numbers, or `attack` changes the folder at
     the place by itself and knows the number of the mutant. Of what is `sealed` an answer must be
-    that of the whole file. In a short run so many mutants are read, in a full one `full` of them.
+    that of the whole file. In a short run so many mutants are read, in a full one `full` of them, or as many as there are bits.
     """
 
     name: str
@@ -286,7 +286,9 @@ TARGETS = {
         Target("manifest", "take.store/MANIFEST", store, sealed=True),
         Target("h5", "take.store/segments/000001.h5", store, sealed=True),
         Target("idx", "take.store/segments/000001.idx", store, sealed=True, full=100_000),
-        Target("flips", "take.store", store, attack=forging.flip_bit, sealed=True, short=1500),
+        Target(
+            "flips", "take.store", store, attack=forging.flip_bit, sealed=True, short=1500, full=0
+        ),
         Target("sigma", "take.store/SIGMA", sigma, sealed=True),
         Target("templates", "t.mt", templates, sealed=True),
         Target("web", "arms.web", web, sealed=True),
