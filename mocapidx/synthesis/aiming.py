@@ -199,7 +199,10 @@ def _step(
         matrix[:size, :size] = part.T @ part + damping * np.eye(size)
         matrix[size, :size] = matrix[:size, size] = 1.0
         step = np.zeros(len(own))
-        step[free] = np.linalg.solve(matrix, np.append(-part.T @ now, 0.0))[:size]
+        try:
+            step[free] = np.linalg.solve(matrix, np.append(-part.T @ now, 0.0))[:size]
+        except np.linalg.LinAlgError:  # so steep that the damping is lost; a greater one follows
+            return np.zeros(len(own))
         low, high = (own <= bounds[0] + 1e-12), (own >= bounds[1] - 1e-12)
         stuck = free & ((low & (step < 0)) | (high & (step > 0)))
         if not stuck.any() or size - stuck.sum() < 2:
