@@ -132,6 +132,8 @@ class Annotated:
         Files that could not be used, in the order of their names.
     assumed_rate : tuple of str
         Documents of which nothing says the source rate.
+    untold : tuple of str
+        Documents that tell too little of any class, always or in gaps.
     """
 
     annotations: tuple[Annotation, ...]
@@ -140,6 +142,7 @@ class Annotated:
     rate: float
     refused: tuple[Refused, ...]
     assumed_rate: tuple[str, ...]
+    untold: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -160,6 +163,7 @@ class _Done:
     documents: tuple[str, ...]
     frames: int
     assumed_rate: bool
+    untold: frozenset[str] = frozenset()
 
 
 def annotate_motion(
@@ -277,6 +281,7 @@ def _annotate(work: _Work, item: Source | WordBatch | WordPiece) -> _Done | Refu
             tuple(name for done in several for name in done.documents),
             sum(done.frames for done in several),
             assumed_rate=False,
+            untold=frozenset().union(*(done.untold for done in several)),
         )
     job = Job(item, None, work.options.read, work.feature_set, work.rate, poses=False)
     prepared = prepare(job)
@@ -291,13 +296,19 @@ def _annotate(work: _Work, item: Source | WordBatch | WordPiece) -> _Done | Refu
     )
     pieces = [_done(work, piece, prepared.assumed_rate) for piece in cut_at_gaps(batch)]
     annotations = tuple(found for piece in pieces for found in piece.annotations)
-    return replace(pieces[0], annotations=annotations, frames=len(batch.words))
+    untold = frozenset[str]().union(*(piece.untold for piece in pieces))
+    return replace(pieces[0], annotations=annotations, frames=len(batch.words), untold=untold)
 
 
 def _done(work: _Work, batch: WordBatch, assumed_rate: bool) -> _Done:
     find = _path_annotations if work.options.method == "path" else _hit_annotations
+    told = tuple(
+        template
+        for template in work.templates
+        if quantise(template.matrix, template.delta).is_told_without(batch.untrusted)
+    )
     return _Done(
-        annotations=tuple(find(work, batch)),
+        annotations=tuple(find(replace(work, templates=told), batch)) if told else (),
         documents=tuple(
             document.name
             for document, first in zip(batch.documents, batch.starts.tolist(), strict=True)
@@ -305,6 +316,7 @@ def _done(work: _Work, batch: WordBatch, assumed_rate: bool) -> _Done:
         ),
         frames=len(batch.words),
         assumed_rate=assumed_rate,
+        untold=frozenset() if told else frozenset(each.name for each in batch.documents),
     )
 
 
@@ -367,6 +379,7 @@ def _gathered(
     annotations: list[Annotation] = []
     refused: list[Refused] = []
     assumed_rate: list[str] = []
+    untold: set[str] = set()
     documents = frames = 0
     for outcome in outcomes:
         if isinstance(outcome, Refused):
@@ -377,6 +390,7 @@ def _gathered(
             annotations.extend(outcome.annotations)
             documents += len(outcome.documents)
             frames += outcome.frames
+            untold |= outcome.untold
             if outcome.assumed_rate:
                 assumed_rate.extend(outcome.documents)
         if progress is not None:
@@ -385,5 +399,11 @@ def _gathered(
         key=lambda a: (a.hit.document, a.hit.start_frame, a.hit.end_frame, a.hit.label)
     )
     return Annotated(
-        tuple(annotations), documents, frames, rate, tuple(refused), tuple(assumed_rate)
+        tuple(annotations),
+        documents,
+        frames,
+        rate,
+        tuple(refused),
+        tuple(assumed_rate),
+        tuple(sorted(untold)),
     )

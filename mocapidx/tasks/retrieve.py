@@ -16,7 +16,7 @@ from mocapidx.alignment.subsequence import CostArray, Steps
 from mocapidx.durable import durable_replace
 from mocapidx.errors import ParameterError
 from mocapidx.model import FloatArray, Hit, HitList, IndexArray
-from mocapidx.printable import shown
+from mocapidx.printable import count, shown
 from mocapidx.store.read import open_store
 from mocapidx.tasks.hits import make_hit
 from mocapidx.tasks.preselection import Preselection, preselected, preselection_remarks
@@ -198,6 +198,7 @@ def retrieve(
             _search, own, rivals, options, preselection, known.rate, label, profile is not None
         )
         frames, seconds = np.zeros(2, np.int64), np.zeros(2)
+        untold: set[str] = set()
         if map_fn is None:
             outcomes: Iterable[_Outcome] = map_ahead(search, store_batches(snapshot))
         else:
@@ -206,9 +207,16 @@ def retrieve(
         for outcome in outcomes:
             found += outcome.hits
             curves += outcome.curves
+            untold |= outcome.untold
             frames, seconds = frames + outcome.frames, seconds + outcome.seconds
         if preselection is not None:
             remarks += preselection_remarks(preselection.keyframes, frames, seconds)
+    if untold:
+        places = count(len(untold), "document")
+        remarks.append(
+            f"in {places}, such as {shown(min(untold))}, too little of what '{shown(label)}' asks "
+            "for can be told, always or in gaps: no hits there"
+        )
     found.sort(key=lambda hit: (hit.cost, hit.document, hit.start_frame))
     if profile is not None:
         durable_replace(profile, _profile_chunks(curves, known.rate))
@@ -220,13 +228,15 @@ class _Outcome:
     """What came of a batch.
 
     The hits, the distance functions if they are wanted; the frames before and after the
-    preselection, and the seconds of preselecting and of matching.
+    preselection, and the seconds of preselecting and of matching; documents of which nothing
+    can be said.
     """
 
     hits: Sequence[Hit]
     curves: Sequence[Curve]
     frames: IndexArray
     seconds: FloatArray
+    untold: frozenset[str]
 
 
 def _search(
@@ -245,16 +255,20 @@ def _search(
     times.append(time.perf_counter())
     hits = NO_HITS
     curves: Sequence[Curve] = ()
-    if left.documents:
+    mask = batch.untrusted
+    told = any(quantise(t.matrix, _delta(t, options)).is_told_without(mask) for t in own)
+    if left.documents and (told or profiled):
         matchings = [_match(template, left, options) for template in own]
-        hits = _hits(own, matchings, options, top=None if rivals else options.top)
+        if told:
+            hits = _hits(own, matchings, options, top=None if rivals else options.top)
         if rivals and len(hits.costs):
             hits = _unbeaten(hits, own, rivals, left, options)
         curves = tuple(_curves(left, matchings)) if profiled else ()
     times.append(time.perf_counter())
     frames = np.array([len(batch.words), len(left.words)])
     described = tuple(_described(hits, left, rate, label))
-    return _Outcome(described, curves, frames, np.diff(times))
+    untold = frozenset[str]() if told else frozenset(each.name for each in batch.documents)
+    return _Outcome(described, curves, frames, np.diff(times), untold)
 
 
 def _search_piece(search: Callable[[WordBatch], _Outcome], piece: WordPiece) -> list[_Outcome]:

@@ -10,6 +10,7 @@ from mocapidx.model import FloatArray, IndexArray, WordArray
 
 __all__ = ["Quantised", "quantise"]
 
+LEAST_TOLD = 0.25  # share; legs alone tell about a third of most templates
 ROUNDING = 1e-9  # one example of ten that disagrees is 0.1, whatever its last bits say
 
 
@@ -45,6 +46,24 @@ class Quantised:
         """
         care = self.care & ~np.uint64(mask)
         return Quantised(self.ones & care, care, np.bitwise_count(care).astype(np.int64))
+
+    def is_told_without(self, mask: int) -> bool:
+        """Whether enough of what is decided is left where some features can't be told.
+
+        A rig of one leg violates next to nothing of any template: its cost of nearly 0 says
+        nothing. At least a quarter of the decided entries must be left.
+
+        Parameters
+        ----------
+        mask : int
+            Bit i stands for feature i, which can't be told.
+
+        Returns
+        -------
+        bool
+        """
+        left = int(self.without(mask).counts.sum()) if mask else int(self.counts.sum())
+        return left >= LEAST_TOLD * int(self.counts.sum())
 
 
 def quantise(matrix: FloatArray, delta: float) -> Quantised:

@@ -144,6 +144,19 @@ def test_untrusted_features_are_left_open(tmp_path, templates):
     assert costs["lost.amc"] < costs["bad.amc"]
 
 
+def test_a_skeleton_that_tells_next_to_nothing_has_no_hits(tmp_path, templates):
+    kick = gesture("kick", np.random.default_rng(7))
+    all_but_one = (1 << kick.shape[1]) - 1 & ~(1 << GESTURES["kick"][3])
+    store = make_word_store(
+        tmp_path / "s.store",
+        {"good.amc": kick, "leg.amc": kick},
+        untrusted={"leg.amc": all_but_one},
+    )
+    found = retrieve(store, templates, "kick", RetrieveOptions(tau=0.9))
+    assert {hit.document for hit in found.hits} == {"good.amc"}
+    assert any("in 1 document, such as leg.amc, too little" in each for each in found.remarks)
+
+
 def test_the_profile_has_every_frame_of_every_document(store, templates, takes, tmp_path):
     hits = retrieve(store, templates, "kick", profile=tmp_path / "p.csv").hits
     with (tmp_path / "p.csv").open() as file:

@@ -40,3 +40,14 @@ def test_masked_features_are_undecided():
 def test_delta_out_of_range_is_refused(delta):
     with pytest.raises(ParameterError, match="delta"):
         quantise(np.zeros((2, 2)), delta)
+
+
+def test_a_quarter_of_what_is_decided_is_enough_to_say_something():
+    quantised = quantise(np.array([[0.0, 0.0, 1.0, 1.0, 0.5]]), 0.1)
+    assert quantised.is_told_without(0)
+    assert quantised.is_told_without(0b10111)
+    assert not quantised.is_told_without(0b01111)
+
+
+def test_a_template_that_decides_nothing_loses_nothing():
+    assert quantise(np.full((3, 4), 0.5), 0.1).is_told_without(0b1111)
