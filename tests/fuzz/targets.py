@@ -60,7 +60,8 @@ class Target:
     `place` is where it lies in a folder of work; `read` gives an answer as text; `mutant` makes
     bytes of a seed, all seeds and a generator of random numbers, or `attack` changes the folder at
     the place by itself and knows the number of the mutant. Of what is `sealed` an answer must be
-    that of the whole file. In a short run so many mutants are read, in a full one `full` of them, or as many as there are bits.
+    that of the whole file. In a short run so many mutants are read, in a full one `full` of them,
+    or as many as there are bits.
     """
 
     name: str
