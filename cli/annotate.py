@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mocapidx.printable import count
+from mocapidx.printable import count, shown
 
 if TYPE_CHECKING:
     from mocapidx.tasks.annotate import Annotated
@@ -136,11 +136,17 @@ def annotate(
         annotated = annotate_motion(inputs, templates, options, progress=bar.show, map_fn=map_fn)
     for refused in annotated.refused:
         warn(refused.message)
+    if not (annotated.documents or annotated.refused or quiet):
+        warn(f"no motion file below {', '.join(map(shown, inputs))}: is it the right folder?")
     if annotated.assumed_rate and not quiet:
         files, first = count(len(annotated.assumed_rate), "AMC file"), annotated.assumed_rate[0]
         warn(
             f"nothing says the rate of {files}, such as {first}: taken as 120 Hz; use --source-rate"
         )
+    if annotated.untold:
+        several, first = count(len(annotated.untold), "document"), annotated.untold[0]
+        told = "too little of any class can be told, always or in gaps"
+        note(f"Note: in {several}, such as {first}, {told}: no annotations there", quiet)
     records = map(annotation_record, annotated.annotations)
     print_rows(records, row_format, output, ANNOTATION_COLUMNS)
     note(sentence(annotated), quiet)

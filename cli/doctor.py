@@ -5,11 +5,11 @@ from typing import Any
 
 import click
 
-from mocapidx.printable import count
+from mocapidx.printable import count, shown
 
 from .options import complete_file, quiet_option, read_options, reading_options
 from .progress import Bar
-from .rows import note, print_lines, print_rows, row_options
+from .rows import note, print_lines, print_rows, row_options, warn
 
 __all__ = ["doctor"]
 
@@ -70,6 +70,8 @@ def doctor(
     with Bar("file", quiet) as bar:
         examinations = list(examine(inputs, options, feature_set, progress=bar.show))
     print_rows(map(examination_record, examinations), row_format, output, COLUMNS)
+    if not examinations and not quiet:
+        warn(f"no motion file below {', '.join(map(shown, inputs))}: is it the right folder?")
     bad = sum(found.report is None for found in examinations)
     note(f"{count(len(examinations), 'file')} examined, {bad} can't be used", quiet)
     return SKIPPED if bad else 0
