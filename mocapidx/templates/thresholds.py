@@ -177,8 +177,10 @@ def background_cost(
     Returns
     -------
     float or None
-        None where there is neither.
+        None where there is neither. Clips that tell too little of the template have no say.
     """
+    others = _telling(matrix, delta, others)
+    background = _telling(matrix, delta, background)
     levels = []
     if len(others):
         levels.append(float(lowest_in_clips(matrix, delta, others).min()))
@@ -186,6 +188,14 @@ def background_cost(
         lowest = lowest_in_clips(matrix, delta, background)
         levels.append(float(np.quantile(lowest, BACKGROUND_QUANTILE)))
     return min(levels, default=None)
+
+
+def _telling(matrix: FloatArray, delta: float, clips: Sequence[Clip]) -> Sequence[Clip]:
+    """Leave out clips in which the class would not be looked for; their costs say nothing."""
+    quantised = quantise(matrix, delta)
+    masks = {clip.untrusted for clip in clips}
+    told = {mask: quantised.is_told_without(mask) for mask in masks}
+    return [clip for clip in clips if told[clip.untrusted]]
 
 
 def lowest_in_clips(matrix: FloatArray, delta: float, clips: Sequence[Clip]) -> FloatArray:

@@ -146,3 +146,13 @@ def test_a_learned_threshold_is_wider_where_rivals_decide_too():
     learned = replace(template, tau=0.05)
     assert own_threshold(learned, rivals=False) == 0.05
     assert own_threshold(learned, rivals=True) == pytest.approx(0.05 * RIVAL_SLACK)
+
+
+def test_clips_that_tell_next_to_nothing_set_no_threshold():
+    examples = variants(1, 4)
+    matrix = learner(examples)(range(4))
+    other = clips([movement(9, 60)])
+    leg = [Clip(clip.words, (1 << 12) - 2) for clip in clips(examples)]
+    expected = background_cost(matrix, 0.1, other)
+    assert background_cost(matrix, 0.1, [*other, *leg], leg) == expected
+    assert background_cost(matrix, 0.1, leg, leg) is None
