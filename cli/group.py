@@ -93,9 +93,16 @@ class CommandGroup(click.Group):
 )
 @click.version_option(package_name="mocapidx", prog_name="mocapidx")
 @click.option("--debug", is_flag=True, help="Show a traceback where something fails.")
+@click.option(
+    "--untrusted",
+    is_flag=True,
+    help="Read files of strangers: at most 2 GiB and 600 s, or exit code 4.",
+)
 @settings_options
 @click.pass_context
-def mocapidx(ctx: click.Context, debug: bool, config: Path | None, no_config: bool) -> None:
+def mocapidx(
+    ctx: click.Context, debug: bool, untrusted: bool, config: Path | None, no_config: bool
+) -> None:
     """Search an archive of motion capture by what happens in it."""
     ctx.obj = load(config, no_config)
     if ctx.obj is not None and isinstance(ctx.command, click.Group):

@@ -13,7 +13,7 @@ from itertools import takewhile
 from types import FrameType
 from typing import Any, NoReturn
 
-from mocapidx.errors import Interrupted, WriteError
+from mocapidx.errors import Interrupted, StoreError, WriteError
 from mocapidx.printable import shown
 
 __all__ = ["COMMANDS", "SECTIONS", "fail", "heard", "main", "say"]
@@ -149,15 +149,30 @@ def open_streams() -> None:
         stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
 
 
+def wait_for_child() -> None:
+    """Go on in a child with limits; the parent leaves with the child's exit code."""
+    from mocapidx.tasks.untrusted import in_limited_child
+
+    try:
+        code = in_limited_child()
+    except StoreError as exc:
+        fail(str(exc), exc.exit_code)
+    if code is not None:
+        sys.exit(code)
+
+
 def main() -> NoReturn:
     """Run the program; the entry point of the installed script."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # else NumPy starts a thread for each core
     try:
         listen_to_signals()
         open_streams()
+        before = [*takewhile(lambda word: word not in COMMANDS, sys.argv[1:])]
+        if "--untrusted" in before:
+            wait_for_child()
         from .group import run
 
-        leave(run(debug="--debug" in takewhile(lambda word: word not in COMMANDS, sys.argv[1:])))
+        leave(run(debug="--debug" in before))
     except (Interrupted, KeyboardInterrupt) as exc:
         number = exc.signal_number if isinstance(exc, Interrupted) else signal.SIGINT
         fail(str(exc) or "interrupted; nothing was written", 128 + number)
