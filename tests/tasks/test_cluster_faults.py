@@ -277,3 +277,22 @@ def test_a_file_that_only_the_client_sees_is_told(map_fn, tmp_path):
         list(map_fn(repr, [SeenHere(take, os.getpid())]))
     take.unlink()  # gone for all: the reader has the last word
     assert len(list(map_fn(repr, [SeenHere(take, os.getpid())]))) == 1
+
+
+def test_waiting_for_workers_that_are_all_gone_ends():
+    class Task:
+        def result(self, timeout):
+            raise TimeoutError
+
+    class Client:
+        def __init__(self, turns):
+            self.turns = turns
+
+        def nthreads(self):
+            self.turns -= 1
+            return {"tcp://one:1": 1} if self.turns else {}
+
+    client = Client(3)
+    with pytest.raises(MocapidxError, match="no worker is left; what was committed stays"):
+        adapter._awaited(client, "tcp://head:8786", Task())
+    assert client.turns == 0
