@@ -13,6 +13,7 @@ from mocapidx.features.extract import condition_values, extract_features, untrus
 from mocapidx.features.featureset import PARTS, FeatureSet, load_feature_set, shipped_sets
 from mocapidx.features.relations import COMBINATIONS, Feature, leaves, open_interval
 from mocapidx.model import BoolArray, FloatArray
+from mocapidx.printable import shown
 from mocapidx.reports.features import FeaturePanel, LeafCurve, feature_picture
 from mocapidx.reports.style import picture_format
 from mocapidx.segments.runs import find_runs
@@ -195,7 +196,8 @@ def check_features(
         values[:, plain] = condition_values(take.motion, conditions, take.motion.rate)
         tally.add(bits, values, trusted, take.motion.rate)
     if not tally.documents:
-        raise ParameterError("there is no motion to try the features on")
+        places = ", ".join(shown(each) for each in inputs)
+        raise ParameterError(f"no motion in {places} to try the features on")
     for i, feature in enumerate(feature_set.features):
         frames, minutes = max(int(tally.frames[i]), 1), float(tally.minutes[i]) or 1.0
         known = bool(np.isfinite(tally.lowest[i]))

@@ -221,5 +221,6 @@ def _check_overlaps(labels: Iterable[Label]) -> None:
                 place = before.where.rpartition(":")[2].strip()
                 raise FormatError(
                     f"{after.where}: '{shown(after.label)}' overlaps '{shown(before.label)}' of "
-                    f"{'line ' * place.isdigit()}{place} in {shown(after.document)}"
+                    f"{'line ' * place.isdigit()}{place} in {shown(after.document)}; "
+                    "one motion can't be an example of two classes"
                 )

@@ -99,7 +99,10 @@ def _known_documents(stores: Sequence[Path]) -> Mapping[str, Document]:
             for placed in stack.enter_context(open_store(path)).documents():
                 document = placed.document
                 if known.setdefault(document.name, document) is not document:
-                    raise ParameterError(f"two stores hold a document '{shown(document.name)}'")
+                    raise ParameterError(
+                        f"two stores hold a document '{shown(document.name)}'; give the one that "
+                        "the records were made from"
+                    )
     return known
 
 

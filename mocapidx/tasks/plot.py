@@ -305,7 +305,8 @@ def _labels_by_document(path: Path, ends: dict[str, float]) -> dict[str, list[Sp
 def _check_names(names: Sequence[str], known: Iterable[str]) -> None:
     missing = [name for name in names if name not in {*known}]
     if missing:
-        raise ParameterError(f"nothing is said of a document '{shown(missing[0])}'")
+        near = meant(missing[0], [*known])
+        raise ParameterError(f"nothing is said of a document '{shown(missing[0])}'{near}")
     if not names:
         raise ParameterError("there is nothing to draw: no records and no labels")
     if len(names) > MOST_DOCUMENTS:

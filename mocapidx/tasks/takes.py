@@ -71,7 +71,9 @@ def takes_in(
                 if names is not None and name not in names:
                     continue
                 if name in seen:
-                    raise ParameterError(f"two of the inputs hold a document '{shown(name)}'")
+                    raise ParameterError(
+                        f"two of the inputs hold a document '{shown(name)}'; leave one of them out"
+                    )
                 seen.add(name)
                 motion = stored_motion(store, placed)
                 yield Take(name, resample_motion(motion, rate or motion.rate))

@@ -139,7 +139,10 @@ def _seconds(stores: Sequence[Path]) -> dict[str, float]:
             for placed in store.documents():
                 name = placed.document.name
                 if name in seconds:
-                    raise ParameterError(f"two stores hold a document '{shown(name)}'")
+                    raise ParameterError(
+                        f"two stores hold a document '{shown(name)}'; give the one that the "
+                        "records were made from"
+                    )
                 seconds[name] = placed.document.frames / rate
     return seconds
 

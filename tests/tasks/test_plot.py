@@ -123,7 +123,7 @@ def test_the_program_draws(folder, mocapidx, tmp_path):
         "--document", "a", "--output", tmp_path / "d.svg",
     )  # fmt: skip
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
-    done = mocapidx("plot", "annotation", "-", "--output", tmp_path / "no" / "x.png", input="{}")
+    done = mocapidx("plot", "annotation", "-", "--output", tmp_path / "x.png", input="{}")
     assert done.returncode == 3
     done = mocapidx(
         "template", "show", folder / "t.h5", "--class", "kick", "--picture", tmp_path / "k.PNG"
