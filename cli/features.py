@@ -183,15 +183,15 @@ def plot(
     "--positive",
     type=click.Path(path_type=Path),
     required=True,
-    metavar="LABELS",
-    help="Labels file (CSV): where the feature should be on.",
+    metavar="FILE|FOLDER",
+    help="Labels, as learn-mt reads them: where the feature should be on.",
 )
 @click.option(
     "--negative",
     type=click.Path(path_type=Path),
     required=True,
-    metavar="LABELS",
-    help="Labels file (CSV): where it should be off.",
+    metavar="FILE|FOLDER",
+    help="Labels, as learn-mt reads them: where it should be off.",
 )
 @click.option("--feature", required=True, metavar="ID", help="The feature.")
 @set_option

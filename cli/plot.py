@@ -229,8 +229,8 @@ def template(templates: Path, label: str, output: Path) -> None:
     "--labels",
     type=click.Path(path_type=Path),
     required=True,
-    metavar="FILE",
-    help="Labels file (CSV): what really happened.",
+    metavar="FILE|FOLDER",
+    help="Labels of what really happened, as learn-mt reads them.",
 )
 @click.option(
     "--labelled-documents",
