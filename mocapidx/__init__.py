@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from mocapidx.tasks.align import align_motions
     from mocapidx.tasks.annotate import annotate_motion
     from mocapidx.tasks.blend import fit_blend_space, make_motion
+    from mocapidx.tasks.cluster import cluster_mapping
     from mocapidx.tasks.doctor import examine
     from mocapidx.tasks.export import export_clips
     from mocapidx.tasks.index import compact_store, index_files
@@ -47,6 +48,7 @@ __all__ = [
     "align_motions",
     "annotate_motion",
     "build_web",
+    "cluster_mapping",
     "compact_store",
     "document_info",
     "examine",
@@ -86,6 +88,7 @@ _HOMES = {
     "align_motions": "tasks.align:align_motions",
     "annotate_motion": "tasks.annotate:annotate_motion",
     "build_web": "tasks.web:build_web",
+    "cluster_mapping": "tasks.cluster:cluster_mapping",
     "compact_store": "tasks.index:compact_store",
     "document_info": "tasks.info:document_info",
     "examine": "tasks.doctor:examine",

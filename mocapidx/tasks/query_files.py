@@ -11,11 +11,10 @@ from mocapidx.features.featureset import FeatureSet
 from mocapidx.model import IndexArray
 from mocapidx.queries.evaluate import DocumentGroup
 from mocapidx.queries.source import Source
-from mocapidx.store.manifest import SegmentFile, StoreSettings
+from mocapidx.store.manifest import SegmentFile
 from mocapidx.store.read import Snapshot
-from mocapidx.store.schema import SEGMENTS
-from mocapidx.tasks.segment_sources import one_voice, segment_source
-from mocapidx.tasks.store_pieces import piece_snapshot, without_documents
+from mocapidx.tasks.segment_sources import segment_source
+from mocapidx.tasks.store_pieces import FilePlace, file_place
 
 __all__ = ["FilePiece", "Question", "answer_of_file", "file_piece"]
 
@@ -29,21 +28,16 @@ class FilePiece:
 
     Parameters
     ----------
-    store : Path
-        Absolute.
-    settings : StoreSettings
-    file : SegmentFile
-        Without its documents.
+    place : FilePlace
     lengths : ndarray of int64, shape (D,)
         Frames of its documents.
     feature_set : FeatureSet
+        The store's.
     groups : sequence of DocumentGroup
         The documents that count.
     """
 
-    store: Path
-    settings: StoreSettings
-    file: SegmentFile
+    place: FilePlace
     lengths: IndexArray
     feature_set: FeatureSet
     groups: Sequence[DocumentGroup]
@@ -51,19 +45,16 @@ class FilePiece:
     @property
     def weight(self) -> int:
         """Bytes of its inverted lists."""
-        return self.file.idx.size
+        return self.place.file.idx.size
 
     @property
     def path(self) -> Path:
         """The file of these lists."""
-        return self.store / SEGMENTS / self.file.names[1]
+        return self.place.paths[1]
 
 
 def file_piece(
-    snapshot: Snapshot,
-    file: SegmentFile,
-    feature_set: FeatureSet,
-    groups: Sequence[DocumentGroup],
+    snapshot: Snapshot, file: SegmentFile, feature_set: FeatureSet, groups: Sequence[DocumentGroup]
 ) -> FilePiece:
     """Give a segment file as other processes ask it.
 
@@ -75,14 +66,14 @@ def file_piece(
     feature_set : FeatureSet
         The store's.
     groups : sequence of DocumentGroup
+        The documents that count.
 
     Returns
     -------
     FilePiece
     """
     lengths = np.array([document.frames for document in file.documents], np.int64)
-    store, settings = snapshot.path.absolute(), snapshot.manifest.settings
-    return FilePiece(store, settings, without_documents(file), lengths, feature_set, groups)
+    return FilePiece(file_place(snapshot, file), lengths, feature_set, groups)
 
 
 def answer_of_file(question: Question[Result], piece: FilePiece) -> Result:
@@ -99,7 +90,6 @@ def answer_of_file(question: Question[Result], piece: FilePiece) -> Result:
     object
         The answer.
     """
-    with piece_snapshot(piece.store, piece.settings, piece.file) as snapshot:
-        source = segment_source(snapshot, piece.file, piece.feature_set, piece.lengths)
-        with one_voice(piece.store, piece.file):
-            return question(source, piece.groups)
+    with piece.place.snapshot() as snapshot:
+        source = segment_source(snapshot, piece.place.file, piece.feature_set, piece.lengths)
+        return question(source, piece.groups)

@@ -13,12 +13,12 @@ from mocapidx.store.read import Snapshot
 from mocapidx.store.schema import SEGMENTS
 from mocapidx.tasks.store_words import WordBatch, neighbour_batches, neighbouring
 
-__all__ = ["WordPiece", "piece_snapshot", "without_documents", "word_pieces"]
+__all__ = ["FilePlace", "WordPiece", "file_place", "word_pieces"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class WordPiece:
-    """Neighbouring documents of a segment file, whose feature words are to be read.
+class FilePlace:
+    """Where a segment file is, and what its bytes are.
 
     Parameters
     ----------
@@ -27,13 +27,52 @@ class WordPiece:
     settings : StoreSettings
     file : SegmentFile
         Without its documents.
-    documents : tuple of Placed
-        All of `file`.
     """
 
     store: Path
     settings: StoreSettings
     file: SegmentFile
+
+    @property
+    def paths(self) -> tuple[Path, Path]:
+        """The HDF5 file and the index."""
+        words, lists = self.file.names
+        return self.store / SEGMENTS / words, self.store / SEGMENTS / lists
+
+    def snapshot(self) -> Snapshot:
+        """Give the store with this file alone; nothing is opened yet."""
+        return Snapshot(self.store, Manifest(self.settings, (self.file,)))
+
+
+def file_place(snapshot: Snapshot, file: SegmentFile) -> FilePlace:
+    """Say what another process needs to read a segment file.
+
+    Parameters
+    ----------
+    snapshot : Snapshot
+    file : SegmentFile
+        One of the snapshot's.
+
+    Returns
+    -------
+    FilePlace
+    """
+    bare = replace(file, documents=())
+    return FilePlace(snapshot.path.absolute(), snapshot.manifest.settings, bare)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WordPiece:
+    """Neighbouring documents of a segment file, whose feature words are to be read.
+
+    Parameters
+    ----------
+    place : FilePlace
+    documents : tuple of Placed
+        All of the file in `place`.
+    """
+
+    place: FilePlace
     documents: tuple[Placed, ...]
 
     @property
@@ -44,7 +83,7 @@ class WordPiece:
     @property
     def path(self) -> Path:
         """The file that its words lie in."""
-        return self.store / SEGMENTS / self.file.names[0]
+        return self.place.paths[0]
 
     def batches(self) -> Iterator[WordBatch]:
         """Read its words.
@@ -59,7 +98,7 @@ class WordPiece:
         StoreError
             If the file is gone or damaged.
         """
-        with piece_snapshot(self.store, self.settings, self.file) as snapshot:
+        with self.place.snapshot() as snapshot:
             yield from neighbour_batches(snapshot, self.documents)
 
 
@@ -75,18 +114,6 @@ def word_pieces(snapshot: Snapshot) -> Iterator[WordPiece]:
     WordPiece
         In the order of the store.
     """
-    store, settings = snapshot.path.absolute(), snapshot.manifest.settings
     for neighbours in neighbouring(snapshot):
-        file = without_documents(neighbours[0].file)
-        documents = tuple(replace(placed, file=file) for placed in neighbours)
-        yield WordPiece(store, settings, file, documents)
-
-
-def without_documents(file: SegmentFile) -> SegmentFile:
-    """Leave of a segment file's record what its bytes are read by."""
-    return replace(file, documents=())
-
-
-def piece_snapshot(store: Path, settings: StoreSettings, file: SegmentFile) -> Snapshot:
-    """Give one segment file of a store to read from; nothing is opened yet."""
-    return Snapshot(store, Manifest(settings, (file,)))
+        place = file_place(snapshot, neighbours[0].file)
+        yield WordPiece(place, tuple(replace(placed, file=place.file) for placed in neighbours))

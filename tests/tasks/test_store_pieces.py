@@ -48,7 +48,7 @@ def test_pieces_weigh_what_is_read_of_them_and_name_their_file(store):
         batch.weight for piece in pieces for batch in piece.batches()
     )
     assert all(piece.path.is_file() for piece in pieces)
-    assert not any(piece.file.documents for piece in pieces)
+    assert not any(piece.place.file.documents for piece in pieces)
 
 
 def test_a_segment_file_answers_elsewhere_as_it_does_here(store):
@@ -69,7 +69,7 @@ def test_a_segment_file_answers_elsewhere_as_it_does_here(store):
 def test_a_piece_that_is_gone_is_one_line(store, tmp_path):
     with open_store(store) as snapshot:
         piece = next(word_pieces(snapshot))
-    moved = replace(piece, store=tmp_path)
+    moved = replace(piece, place=replace(piece.place, store=tmp_path))
     with pytest.raises(StoreError) as caught:
         list(moved.batches())
     assert "\n" not in str(caught.value)
