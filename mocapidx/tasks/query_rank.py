@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from mocapidx.errors import ParameterError
 from mocapidx.model import FloatArray, WordArray
 from mocapidx.queries.rank import length_costs
-from mocapidx.store.schema import FRAME_WORDS, POSES
+from mocapidx.store.schema import FRAME_WORDS
 from mocapidx.tasks.answers import Answer, Archive
 from mocapidx.tasks.query_example import LoadedExample
+from mocapidx.tasks.stored import pose_rows
 
 # Alignment and templates are imported where they are needed: to rank by lengths needs neither.
 
@@ -76,7 +77,7 @@ def _dtw(archive: Archive, example: LoadedExample, answer: Answer) -> FloatArray
     costs = []
     for rows in _cores(answer):
         if poses is not None and archive.snapshot.manifest.settings.poses:
-            found = archive.snapshot.array(answer.place.file, POSES.path, *rows)
+            found = pose_rows(archive.snapshot, answer.place.file, *rows)
             costs.append(_pose_cost(poses, _thinned(found.astype(np.float64))))
         else:
             found = archive.snapshot.array(answer.place.file, FRAME_WORDS.path, *rows)

@@ -19,12 +19,13 @@ from mocapidx.reports.page.content import (
 from mocapidx.skeleton.joints import INDEX
 from mocapidx.store.manifest import Placed
 from mocapidx.store.read import Snapshot
-from mocapidx.store.schema import FRAME_WORDS, POSES
+from mocapidx.store.schema import FRAME_WORDS
 from mocapidx.tasks.align import AlignOptions, align_stretches
 from mocapidx.tasks.example import forget_joints
 from mocapidx.tasks.found import Found
 from mocapidx.tasks.report_plan import Plan
 from mocapidx.tasks.segment_sources import untrusted_mask
+from mocapidx.tasks.stored import pose_rows
 from mocapidx.tasks.stretch import Stretch
 from mocapidx.templates.match import distance_function
 from mocapidx.templates.template import MotionTemplate, TemplateSet
@@ -99,7 +100,7 @@ def page_documents(
         pieces = tuple(
             PagePiece(
                 start,
-                store.array(placed.file, POSES.path, offset + start, offset + end),
+                pose_rows(store, placed.file, offset + start, offset + end),
                 words[start:end],
                 plan.step,
             )

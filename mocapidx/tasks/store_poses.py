@@ -15,7 +15,8 @@ from mocapidx.model import BoolArray, FloatArray, Motion, WordArray
 from mocapidx.skeleton.joints import CANONICAL_JOINTS
 from mocapidx.store.manifest import Placed
 from mocapidx.store.read import Snapshot
-from mocapidx.store.schema import FRAME_WORDS, POSES
+from mocapidx.store.schema import FRAME_WORDS
+from mocapidx.tasks.stored import pose_rows
 from mocapidx.tasks.unspecified import untrusted_between
 from mocapidx.templates.oneshot import OneShot, flipping_distances
 from mocapidx.templates.sigma import Sample
@@ -91,7 +92,7 @@ def _read(
     first, last = max(0, start - around), min(placed.document.frames, end + around)
     offset = placed.frame_offset
     words = snapshot.array(placed.file, FRAME_WORDS.path, offset + start, offset + end)
-    poses = snapshot.array(placed.file, POSES.path, offset + first, offset + last)
+    poses = pose_rows(snapshot, placed.file, offset + first, offset + last)
     features = len(feature_set.features)
     untrusted = untrusted_between(placed.document, start, end)
     return _Stretch(

@@ -9,12 +9,14 @@ from mocapidx.errors import StoreError
 from mocapidx.model import FloatArray, Motion
 from mocapidx.printable import shown
 from mocapidx.skeleton.joints import CANONICAL_JOINTS
-from mocapidx.store.manifest import Document, Placed
+from mocapidx.store.files import DamagedError
+from mocapidx.store.manifest import Document, Placed, SegmentFile
 from mocapidx.store.read import Snapshot
 from mocapidx.store.schema import POSES
 
-__all__ = ["REST", "kept_rest", "source_skeleton", "stored_motion", "stored_poses"]
+__all__ = ["REST", "kept_rest", "pose_rows", "source_skeleton", "stored_motion", "stored_poses"]
 
+FARTHEST: Final = 1e12  # metres
 REST: Final = "rest"
 """Key of a document's rig: the zero pose, where the source has one. It measures the body."""
 
@@ -85,7 +87,37 @@ def stored_poses(store: Snapshot, placed: Placed) -> NDArray[np.float32]:
     """
     start = placed.frame_offset
     stop = start + placed.document.frames
-    poses: NDArray[np.float32] = store.array(placed.file, POSES.path, start, stop)
+    return pose_rows(store, placed.file, start, stop)
+
+
+def pose_rows(store: Snapshot, file: SegmentFile, start: int, stop: int) -> NDArray[np.float32]:
+    """Read joint positions of a segment file.
+
+    Parameters
+    ----------
+    store : Snapshot
+    file : SegmentFile
+        One of its files.
+    start, stop : int
+        Half-open range of its frames, from 0.
+
+    Returns
+    -------
+    ndarray of float32, shape (stop - start, 24, 3)
+        In metres; NaN where a joint is lacking.
+
+    Raises
+    ------
+    StoreError
+        If the store keeps no poses, or is damaged.
+    """
+    poses: NDArray[np.float32] = store.array(file, POSES.path, start, stop)
+    # What no writer of ours wrote would overflow in squares.
+    bounds = (
+        (np.fmax.reduce(poses, axis=None), np.fmin.reduce(poses, axis=None)) if len(poses) else ()
+    )
+    if any(abs(bound) > FARTHEST for bound in bounds):
+        raise DamagedError(store.path, file.names[0], "its poses are none")
     return poses
 
 

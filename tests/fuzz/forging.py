@@ -192,6 +192,12 @@ def forge_arrays(store, rng, number):
         values = (0, 1, 0xFFFFFFFF, 0x7F800000, 0x7FC00000, 0x7F7FFFFF, 0x80000000)
         data[at : at + 4] = rng.choice(values).to_bytes(4, "little")[: len(data) - at]
     path.write_bytes(data)
+    forge_digests(store, manifest, number, data)
+
+
+def forge_digests(store, manifest, number, data):
+    """Give the bytes of an HDF5 file right digests in the manifest."""
+    file = manifest.files[number]
     forged = replace(
         file,
         h5=FileRecord(len(data), file_digest(data).hexdigest()),

@@ -11,13 +11,14 @@ from mocapidx.formats.registry import read_recording
 from mocapidx.graphs.graph_text import graph_from_graphml
 from mocapidx.index.postings import open_index
 from mocapidx.queries.files import parse_pattern
-from mocapidx.store.read import read_manifest
+from mocapidx.store.read import open_store, read_manifest
 from mocapidx.store.templates import read_templates, write_templates
 from mocapidx.tasks.info import document_info, store_info
 from mocapidx.tasks.query import query_store
+from mocapidx.tasks.stored import stored_poses
 from mocapidx.tasks.template import shown_template
 from mocapidx.templates.file import load_templates
-from tests.fuzz.forging import tree_of, with_index, with_tree
+from tests.fuzz.forging import forge_digests, tree_of, with_index, with_tree
 from tests.fuzz.seeds import put
 from tests.fuzz.targets import F39
 from tests.made_points import c3d_bytes
@@ -143,3 +144,17 @@ def test_lists_of_another_part_are_damage(store):
     with_index(lambda data, size: (data.replace(b"upper", b"apper", 1), size))(store)
     with pytest.raises(StoreError, match="its lists are of other runs"):
         store_info(store)
+
+
+def test_poses_that_overflow_are_damage(store):
+    manifest = read_manifest(store)
+    dataset = manifest.files[0].datasets["frames/poses"]
+    path = store / "segments/000001.h5"
+    data = bytearray(path.read_bytes())
+    data[dataset.offset : dataset.offset + 4] = struct.pack("<f", 3e38)
+    path.write_bytes(data)
+    forge_digests(store, manifest, 0, data)
+    with open_store(store) as snapshot:
+        placed = snapshot.files[0].placed()
+        with pytest.raises(StoreError, match="its poses are none"):
+            stored_poses(snapshot, next(iter(placed)))
