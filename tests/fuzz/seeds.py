@@ -226,7 +226,7 @@ def make_store_files(folder, fixtures, clip):
         put(folder, kind, "SIGMA", (store / "SIGMA").read_bytes())
     for kind in ("h5", "idx"):
         put(folder, kind, f"1.{kind}", (store / f"segments/000001.{kind}").read_bytes())
-    for kind in ("forged-idx", "forged-h5", "flips"):
+    for kind in ("forged-idx", "forged-h5", "forged-used", "flips"):
         shutil.copytree(store, folder / f"{kind}.beside/take.store")
         put(folder, kind, "nothing", b"")
 
@@ -250,6 +250,7 @@ def make_store_files(folder, fixtures, clip):
     for kind in ("templates", "forged-templates"):
         (folder / kind).mkdir()
         save_templates(folder / kind / "t.mt", whole)
+    save_templates(folder / "forged-used.beside/t.mt", whole)
     build_web(arms, folder / "work/arms.web", map_fn=map)
     options = ExampleOptions(roots=(kicks[0].parent,))
     space = fit_blend_space(records, str(kick), examples=options, options=FitOptions(draws=10))
