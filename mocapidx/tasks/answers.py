@@ -45,6 +45,7 @@ __all__ = [
     "ask",
     "best",
     "feature_names",
+    "feature_ranges",
     "open_archive",
     "untrusted_remarks",
 ]
@@ -418,7 +419,7 @@ def untrusted_remarks(
             key = (unknown, answer.pattern is None)
             counts[key] = counts.get(key, 0) + len(answer.group.documents)
     for (unknown, refused), number in counts.items():
-        names = feature_names(feature_set, unknown)
+        names = feature_ranges(feature_set, unknown)
         several = count(number, "document")
         whose = "its skeleton" if number == 1 else "their skeletons"
         if refused:
@@ -429,7 +430,12 @@ def untrusted_remarks(
 
 
 def feature_names(feature_set: FeatureSet, mask: int) -> str:
-    """Name the features of a mask by their ids; three and more in a row by the first and last."""
+    """Name the features of a mask by their ids, as a selection does."""
+    return ", ".join(id for bit, id in enumerate(feature_set.ids) if mask >> bit & 1)
+
+
+def feature_ranges(feature_set: FeatureSet, mask: int) -> str:
+    """Name the features of a mask for people: three and more in a row by the first and last."""
     names: list[str] = []
     bits = [bit for bit in range(len(feature_set.ids)) if mask >> bit & 1]
     for _, row in groupby(enumerate(bits), lambda entry: entry[1] - entry[0]):

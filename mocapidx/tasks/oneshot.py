@@ -9,7 +9,7 @@ from mocapidx.features.featureset import FeatureSet
 from mocapidx.model import FloatArray, Hit, HitList, IndexArray
 from mocapidx.printable import count, shown
 from mocapidx.store.manifest import Placed
-from mocapidx.tasks.answers import feature_names, open_archive
+from mocapidx.tasks.answers import feature_ranges, open_archive
 from mocapidx.tasks.example import Example
 from mocapidx.tasks.hits import make_hit
 from mocapidx.tasks.oneshot_example import ExampleShot, read_example
@@ -248,7 +248,7 @@ def _remarks(
     remarks = []
     if shot.untrusted:
         remarks.append(
-            f"the example's skeleton can't tell {feature_names(feature_set, shot.untrusted)}; "
+            f"the example's skeleton can't tell {feature_ranges(feature_set, shot.untrusted)}; "
             "they have no weight"
         )
     if not poses:
@@ -261,7 +261,7 @@ def _remarks(
         if mask := untrusted_mask(placed.document) & ~shot.untrusted:
             left_out[mask] = left_out.get(mask, 0) + 1
     for mask, number in left_out.items():
-        names = feature_names(feature_set, mask)
+        names = feature_ranges(feature_set, mask)
         has, it = ("have", "them") if mask.bit_count() > 1 else ("has", "it")
         whose = "its skeleton" if number == 1 else "their skeletons"
         remarks.append(

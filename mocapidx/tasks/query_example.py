@@ -12,7 +12,7 @@ from mocapidx.printable import shown
 from mocapidx.queries.pattern import Pattern, pattern_from_query
 from mocapidx.queries.steps import mirror_bits, steps_from_example
 from mocapidx.skeleton.joints import MIRROR
-from mocapidx.tasks.answers import Answer, Archive, ask, feature_names
+from mocapidx.tasks.answers import Answer, Archive, ask, feature_ranges
 from mocapidx.tasks.example import (
     Example,
     find_example,
@@ -150,7 +150,7 @@ def ask_example(
         If nothing is left that could be asked for, or a step that may disagree is not there.
     """
     if mask and not mask & ~example.untrusted:
-        names = feature_names(archive.feature_set, mask)
+        names = feature_ranges(archive.feature_set, mask)
         raise ParameterError(
             f"{shown(example.label)}: the example's skeleton can't tell {names}; select other "
             "features, or give another example"
@@ -169,7 +169,7 @@ def ask_example(
 def example_remarks(archive: Archive, example: LoadedExample, mask: int) -> Sequence[str]:
     """Say what the example's own skeleton leaves open."""
     if unknown := mask & example.untrusted:
-        names = feature_names(archive.feature_set, unknown)
+        names = feature_ranges(archive.feature_set, unknown)
         return [f"the example's skeleton can't tell {names}; the query leaves it open"]
     return []
 

@@ -15,7 +15,7 @@ from mocapidx.model import FloatArray, Motion
 from mocapidx.printable import shown
 from mocapidx.queries.relax import relaxations
 from mocapidx.skeleton.joints import CANONICAL_JOINTS
-from mocapidx.tasks.answers import Answer, Archive, Found, best, feature_names
+from mocapidx.tasks.answers import Answer, Archive, Found, best, feature_names, feature_ranges
 from mocapidx.tasks.example import Example
 from mocapidx.tasks.query_example import LoadedExample, ask_example, load_example
 from mocapidx.tasks.query_rank import costs_by
@@ -129,7 +129,7 @@ def _remarks(
 ) -> Sequence[str]:
     remarks = []
     if loaded.untrusted:
-        unknown = feature_names(archive.feature_set, loaded.untrusted)
+        unknown = feature_ranges(archive.feature_set, loaded.untrusted)
         remarks.append(f"the example's skeleton can't tell {unknown}; they were left out")
     if not asked:
         remarks.append("too little happens in the example: no selection gives it three steps")
