@@ -235,6 +235,7 @@ def _manifest(tree: Any, path: Path) -> Manifest:
     )
     roots = [_path(root) for root in _all(_get(tree, "roots", list), str)]
     rigs = _all(_get(tree, "rigs", list), dict)
+    json.dumps(rigs, allow_nan=False)  # 1e999 can be read, but nobody could write it again
     files = tuple(
         _file(entry, settings, roots, rigs) for entry in _all(_get(tree, "files", list), dict)
     )

@@ -156,10 +156,10 @@ def quick_store(path):
         verify_store_here(path)
     answer = asked(path)
     with contextlib.suppress(MocapidxError):
-        name = list_documents(path)[0]["document"]
-        for mode in ("exact", "fuzzy", "adaptive"):
-            query_store(path, name, mode=mode)
-        query_store(path, name, rank="dtw")
+        for row in list_documents(path)[:1]:
+            for mode in ("exact", "fuzzy", "adaptive"):
+                query_store(path, row["document"], mode=mode)
+            query_store(path, row["document"], rank="dtw")
     return answer
 
 

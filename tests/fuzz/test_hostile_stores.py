@@ -141,6 +141,9 @@ HOSTILE = {
     ),
     "a huge rate": with_body(lambda body: body.replace(b'"rate": 30.0', b'"rate": 1e999')),
     "a rate of not a number": with_body(lambda body: body.replace(b'"rate": 30.0', b'"rate": NaN')),
+    "a rig without end": with_body(
+        lambda body: body.replace(b'"rigs": [{', b'"rigs": [{"odd": 1e999, ')
+    ),
     "half a surrogate for a format": with_tree(set_of("format", "\ud800")),
     "a newer format": with_tree(set_of("version", 99)),
     "a segment outside": first_file(set_of("number", "../../outside")),
