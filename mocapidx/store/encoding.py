@@ -189,7 +189,12 @@ def _documents_json(
 
 def _to_json(value: Any) -> bytes:
     # ASCII keeps lone surrogates, which stand for undecodable bytes in names.
-    return json.dumps(value, separators=(",", ":"), allow_nan=False).encode("ascii")
+    try:
+        return json.dumps(value, separators=(",", ":"), allow_nan=False).encode("ascii")
+    except ValueError as exc:  # a forged manifest may hold 1e999, which JSON reads as infinity
+        raise StoreError(
+            "what the store says of a skeleton holds a number without end; index the sources again"
+        ) from exc
 
 
 def _file_json(file: SegmentFile, roots: dict[str, int], rigs: dict[str, int]) -> dict[str, Any]:
@@ -235,7 +240,6 @@ def _manifest(tree: Any, path: Path) -> Manifest:
     )
     roots = [_path(root) for root in _all(_get(tree, "roots", list), str)]
     rigs = _all(_get(tree, "rigs", list), dict)
-    json.dumps(rigs, allow_nan=False)  # 1e999 can be read, but nobody could write it again
     files = tuple(
         _file(entry, settings, roots, rigs) for entry in _all(_get(tree, "files", list), dict)
     )
