@@ -104,25 +104,33 @@ def _summary(content: PageContent) -> str:
 
 
 def _cards(content: PageContent, colours: Mapping[str, str]) -> str:
+    # The name of the only class would be the same on every card, and an example's is a long one.
+    alone = len({hit.label for hit in content.hits}) == 1
     return "\n".join(
-        _card(number, hit, content, colours[hit.label]) for number, hit in enumerate(content.hits)
+        _card(number, hit, content, "" if alone else colours[hit.label])
+        for number, hit in enumerate(content.hits)
     )
 
 
 def _card(number: int, hit: PageHit, content: PageContent, colour: str) -> str:
+    """Lay out a card; without a colour the class goes without saying."""
     document = content.documents[hit.document]
     start, end = hit.start / content.rate, hit.end / content.rate
     rank = "" if hit.rank is None else f'<span class="rank">{hit.rank}</span> '
     name = _text(document.name)
+    times = f"{start:.2f} – {end:.2f} s"
+    swatch = (
+        f'<svg class="swatch" viewBox="0 0 8 8" aria-hidden="true">'
+        f'<rect width="8" height="8" rx="2" fill="{colour}"/></svg>'
+    )
     parts = (
         f'<li class="card" data-hit="{number}"><button type="button">',
         f'<span class="view">{_still(hit, document)}</span>',
         f'<span class="line"><span class="label">{rank}',
-        f'<svg class="swatch" viewBox="0 0 8 8" aria-hidden="true">'
-        f'<rect width="8" height="8" rx="2" fill="{colour}"/></svg>{_text(hit.label)}</span>',
-        f'<span class="cost">{hit.cost:.3f}</span></span>',
+        f"{swatch}{_text(hit.label)}" if colour else times,
+        f'</span><span class="cost">{hit.cost:.3f}</span></span>',
         f'<span class="document" title="{name}"><bdi>{name}</bdi></span>',
-        f'<span class="times">{start:.2f} – {end:.2f} s</span>',
+        f'<span class="times">{times}</span>' if colour else "",
         "</button></li>",
     )
     return "".join(parts)
