@@ -149,5 +149,8 @@ def test_files_are_told_apart_by_their_suffix_in_any_case(tmp_path):
 
 
 def test_a_file_of_another_kind_is_named_with_what_can_be_read(tmp_path):
+    with pytest.raises(FormatError, match=r"x\.fbx: no such file"):
+        read_recording(tmp_path / "x.fbx")
+    (tmp_path / "x.fbx").write_bytes(b"Kaydara")
     with pytest.raises(FormatError, match=r"x\.fbx: .* mocapidx reads \.amc, \.bvh, "):
         read_recording(tmp_path / "x.fbx")
