@@ -68,7 +68,7 @@ __all__ = ["match"]
 @click.option(
     "--slack",
     type=NumberRange(0, 0.5),
-    default=0.1,
+    default=0.15,
     show_default=True,
     metavar="SHARE",
     help="Share of the query that may lack an alignment at either end; 0: as printed.",

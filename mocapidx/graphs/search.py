@@ -80,7 +80,7 @@ class SearchRules:
     other: float = 0.2
     most: int = 400
     steps: int | None = None
-    slack: float = 0.1
+    slack: float = 0.15
     union: bool = True
     keep: bool = True
 

@@ -69,7 +69,7 @@ class MatchOptions:
     most: int = 400
     same_overlap: float = 0.8
     new_overlap: float = 0.2
-    slack: float = 0.1
+    slack: float = 0.15
     union: bool = True
     keep: bool = True
     sweep: bool = False
