@@ -26,12 +26,16 @@ from mocapidx.durable import durable_replace
 from mocapidx.errors import ParameterError, StoreError
 from mocapidx.printable import shown
 from mocapidx.store.files import open_regular, read_exactly, reason
+from mocapidx.store.json_text import from_json
 from mocapidx.store.manifest import file_digest
 
 __all__ = ["SEAL", "SealedKind", "read_sealed", "write_sealed"]
 
 SIZE_LIMIT: Final = 256 << 20  # bytes
 MOST_DATASETS: Final = 10_000
+LARGEST_TABLE: Final = 160 * (MOST_DATASETS + 1)
+"""Bytes; a dataset takes fewer than 100 to list."""
+
 SEAL: Final = struct.Struct("<Q32s16s")
 HDF5_MAGIC: Final = b"\x89HDF\r\n\x1a\n"
 TEXT: Final = "|u1"
@@ -189,7 +193,7 @@ def read_sealed(path: Path, kind: SealedKind) -> tuple[dict[str, Any], dict[str,
     try:
         return _contents(data, kind)
     except (Wrong, ValueError, RecursionError) as exc:
-        what = exc if isinstance(exc, Wrong) else "its table is not JSON"
+        what = exc if isinstance(exc, Wrong) else "it holds what is not JSON of mocapidx"
         raise StoreError(
             f"{shown(path)}: damaged ({what}); restore it, or make it again with '{kind.made_with}'"
         ) from exc
@@ -204,7 +208,9 @@ def _read_file(path: Path, kind: SealedKind) -> bytes:
                 raise StoreError(
                     f"{shown(path)}: has {size} bytes, a {kind.called} at most {kind.limit}"
                 )
-            data = read_exactly(descriptor, 0, size)
+            start = max(size - SEAL.size, 0)
+            is_sealed = read_exactly(descriptor, start, size - start).endswith(kind.magic)
+            data = read_exactly(descriptor, 0, size if is_sealed else min(size, len(HDF5_MAGIC)))
         finally:
             os.close(descriptor)
     except FileNotFoundError as exc:
@@ -215,7 +221,7 @@ def _read_file(path: Path, kind: SealedKind) -> bytes:
         if os.path.isdir(path):
             raise StoreError(f"{shown(path)}: is a folder, expected a {kind.called}") from exc
         raise StoreError(f"{shown(path)}: can't be read ({reason(exc)})") from exc
-    if len(data) < SEAL.size or not data.endswith(kind.magic):
+    if len(data) < SEAL.size or not is_sealed:
         what = "it is cut off or not closed by its seal" if data.startswith(HDF5_MAGIC) else ""
         raise StoreError(
             f"{shown(path)}: not a {kind.called} of mocapidx"
@@ -232,7 +238,9 @@ def _contents(data: bytes, kind: SealedKind) -> tuple[dict[str, Any], dict[str, 
     image_size = len(data) - SEAL.size - table_size
     if image_size < 0:
         raise Wrong("its table does not lie within it")
-    table = json.loads(data[image_size : image_size + table_size], parse_constant=_refuse)
+    if table_size > LARGEST_TABLE:
+        raise Wrong("its table lists too many datasets")
+    table = from_json(data[image_size : image_size + table_size])
     if type(table) is not dict or table.get("format") != kind.format:
         raise Wrong(f"its table is none of a {kind.called}")
     version = table.get("version")
@@ -246,7 +254,7 @@ def _contents(data: bytes, kind: SealedKind) -> tuple[dict[str, Any], dict[str, 
         raise Wrong("its table lists no datasets, or too many")
     image = data[:image_size]
     text = _dataset(image, datasets, "meta", TEXT, 1).tobytes()
-    meta = json.loads(text, parse_constant=_refuse)
+    meta = from_json(text)
     if type(meta) is not dict:
         raise Wrong("its meta is no JSON object")
     arrays = {}
@@ -277,7 +285,3 @@ def _dataset(
     if not 0 <= offset <= len(image) - count * np.dtype(dtype).itemsize:
         raise Wrong(f"dataset {name} does not lie within the file")
     return np.frombuffer(image, np.dtype(dtype), count, offset).reshape(shape)
-
-
-def _refuse(constant: str) -> None:
-    raise Wrong(f"{constant} is no number")
