@@ -3,13 +3,18 @@
 The new content goes to a temporary file beside the old one, is synced, renamed over it, and
 the folder is synced. A failed sync is never tried again: the kernel may have dropped the pages
 that it could not write, so a second one that succeeds would prove nothing.
+
+A writer holds a lock on its temporary file, so that the next writer of the same file can tell
+what a killed one left from what a living one is still writing, and takes the former away.
 """
 
 import contextlib
 import errno
+import fcntl
 import os
 import stat
-from collections.abc import Iterable
+import time
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TypeAlias
 
@@ -20,6 +25,7 @@ __all__ = ["Chunk", "durable_replace", "replace_file", "sync_folder", "write_err
 Chunk: TypeAlias = bytes | bytearray | memoryview
 
 PIECE = 1 << 24
+GATHERED = 1 << 20
 FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 NO_FOLDER_SYNC = frozenset({errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP})
 
@@ -89,25 +95,21 @@ def replace_file(path: Path, chunks: Chunk | Iterable[Chunk]) -> None:
     """
     target = Path(os.path.realpath(path))
     mode = _mode(target)
-    # 180 bytes of the name are plenty to recognise it, and no file system minds the rest.
-    stem = os.fsdecode(os.fsencode(target.name)[:180])
-    temporary = target.with_name(f"{stem}.{os.getpid()}.tmp")
-    flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC | os.O_NOFOLLOW
+    temporary, descriptor = _open_temporary(target)
     try:
-        descriptor = os.open(temporary, flags, 0o666)
         try:
             if mode is not None:
                 os.fchmod(descriptor, mode)
-            for chunk in [chunks] if isinstance(chunks, Chunk) else chunks:
-                _write_all(descriptor, chunk)
+            for view in _gathered([chunks] if isinstance(chunks, Chunk) else chunks):
+                _write_all(descriptor, view)
             os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
-        os.rename(temporary, target)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            os.unlink(temporary)
-        raise
+            os.rename(temporary, target)
+        except BaseException:
+            with contextlib.suppress(OSError):
+                os.unlink(temporary)
+            raise
+    finally:
+        os.close(descriptor)
 
 
 def sync_folder(folder: Path) -> None:
@@ -191,8 +193,69 @@ def _mode(target: Path) -> int | None:
     return stat.S_IMODE(status.st_mode)
 
 
-def _write_all(descriptor: int, chunk: Chunk) -> None:
-    view = memoryview(chunk).cast("B")
+def _open_temporary(target: Path) -> tuple[Path, int]:
+    """Make a file beside `target`, under a name that nobody else writes to."""
+    # 180 bytes of the name are plenty to recognise it, and no file system minds the rest.
+    stem = os.fsdecode(os.fsencode(target.name)[:180])
+    usual = target.with_name(f"{stem}.mocapidx.tmp")
+    with contextlib.suppress(FileExistsError):
+        _remove_abandoned(usual)
+        return usual, _create_locked(usual)
+    other = target.with_name(f"{stem}.{time.time_ns()}.tmp")
+    return other, _create_locked(other)
+
+
+def _create_locked(path: Path) -> int:
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC | os.O_NOFOLLOW
+    descriptor = os.open(path, flags, 0o666)
+    try:
+        # Where files can't be locked, what a killed writer leaves stays.
+        with contextlib.suppress(OSError):
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        # Somebody may have taken it for abandoned before it was locked.
+        if not _is_at(descriptor, path):
+            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
+    except BaseException:
+        os.close(descriptor)
+        raise
+    return descriptor
+
+
+def _remove_abandoned(path: Path) -> None:
+    """Remove a temporary file that nobody has locked; any other one stays."""
+    with contextlib.suppress(OSError):
+        descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if _is_at(descriptor, path):
+                os.unlink(path)
+        finally:
+            os.close(descriptor)
+
+
+def _is_at(descriptor: int, path: Path) -> bool:
+    try:
+        return os.path.samestat(os.fstat(descriptor), os.stat(path, follow_symlinks=False))
+    except FileNotFoundError:
+        return False
+
+
+def _gathered(chunks: Iterable[Chunk]) -> Iterator[memoryview]:
+    """Join what comes in small pieces, so that each line isn't a call to the system."""
+    waiting = bytearray()
+    for chunk in chunks:
+        view = memoryview(chunk).cast("B")
+        if len(waiting) + len(view) > GATHERED:
+            yield memoryview(waiting)
+            waiting = bytearray()
+        if len(view) > GATHERED:
+            yield view
+        else:
+            waiting += view
+    yield memoryview(waiting)
+
+
+def _write_all(descriptor: int, view: memoryview) -> None:
     start = 0
     while start < len(view):
         start += os.write(descriptor, view[start : start + PIECE])

@@ -1,4 +1,5 @@
 import errno
+import fcntl
 import os
 import stat
 from pathlib import Path
@@ -160,3 +161,57 @@ def test_the_folder_that_is_named_is_the_one_that_is_missing(tmp_path):
     if Path("/proc").is_dir():
         with pytest.raises(WriteError, match="/proc/x: could not be written"):
             durable_replace(Path("/proc/x"), b"x")
+
+
+@pytest.mark.filterwarnings("ignore:.*multi-threaded:DeprecationWarning")
+def test_what_a_killed_writer_left_goes_with_the_next_one(target, tmp_path):
+    child = os.fork()
+    if not child:
+        durable_replace(target, (os._exit(9) if n else b"half" for n in range(2)))
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 9
+    assert target.read_bytes() == b"before"
+    assert len(names(tmp_path)) == 2
+    durable_replace(target, b"after")
+    assert target.read_bytes() == b"after"
+    assert names(tmp_path) == ["out.txt"]
+
+
+def test_what_another_writer_is_writing_stays(target, tmp_path):
+    def chunks():
+        yield b"the "
+        durable_replace(target, b"between")
+        assert target.read_bytes() == b"between"
+        assert len(names(tmp_path)) == 2
+        yield b"last"
+
+    durable_replace(target, chunks())
+    assert target.read_bytes() == b"the last"
+    assert names(tmp_path) == ["out.txt"]
+
+
+def test_a_stranger_beside_that_cannot_be_locked_is_left_alone(target, tmp_path):
+    strange = tmp_path / "out.txt.mocapidx.tmp"
+    strange.symlink_to(tmp_path / "elsewhere")
+    durable_replace(target, b"after")
+    assert target.read_bytes() == b"after"
+    assert strange.is_symlink()
+    assert not (tmp_path / "elsewhere").exists()
+
+
+def test_without_locks_of_files_nothing_is_taken_for_abandoned(target, tmp_path, monkeypatch):
+    left = tmp_path / "out.txt.mocapidx.tmp"
+    left.write_bytes(b"somebody's")
+    monkeypatch.setattr(fcntl, "flock", failing(errno.ENOLCK))
+    durable_replace(target, b"after")
+    assert target.read_bytes() == b"after"
+    assert left.read_bytes() == b"somebody's"
+
+
+def test_small_pieces_are_written_together(target, monkeypatch):
+    written, write = [], os.write
+    monkeypatch.setattr(
+        os, "write", lambda fd, data: (written.append(len(data)), write(fd, data))[1]
+    )
+    durable_replace(target, [b"a line\n"] * 300_000)
+    assert target.read_bytes() == b"a line\n" * 300_000
+    assert len([size for size in written if size]) == 3

@@ -41,7 +41,9 @@ LOCK: Final = "LOCK"
 SIGMA: Final = "SIGMA"
 SEGMENTS: Final = "segments"
 SEGMENT_NAME: Final = re.compile(r"([0-9]{6,12})\.(h5|idx)", re.ASCII)
-TEMPORARY_NAME: Final = re.compile(r"(MANIFEST|SIGMA|[0-9]{6,12}\.(h5|idx))\.[0-9]+\.tmp", re.ASCII)
+TEMPORARY_NAME: Final = re.compile(
+    r"(MANIFEST|SIGMA|[0-9]{6,12}\.(h5|idx))\.(mocapidx|[0-9]+)\.tmp", re.ASCII
+)
 
 MANIFEST_LIMIT: Final = 64 << 20
 BLOCK: Final = 1 << 20
