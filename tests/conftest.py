@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -53,3 +54,17 @@ def fixtures_store(fixtures_dir, tmp_path_factory, mocapidx):
     done = mocapidx("index", fixtures_dir, "--store", store, "--jobs", "1")
     assert done.returncode == 0, done.stderr
     return store
+
+
+@pytest.fixture
+def reported():
+    """Add to the table of counts that ``make torture`` prints, where one is wanted."""
+    begin, table = time.monotonic(), os.environ.get("TORTURE_REPORT", "")
+
+    def report(kind, tried, wrong):
+        if table:
+            seconds = time.monotonic() - begin
+            with Path(table).open("a") as file:
+                file.write(f"{kind}\t{tried}\t{wrong}\t{seconds:.0f} s\n")
+
+    return report

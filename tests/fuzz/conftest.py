@@ -1,7 +1,5 @@
 import os
 import shutil
-import time
-from pathlib import Path
 
 import pytest
 
@@ -9,7 +7,6 @@ from tests.fuzz.attacking import Attacker
 from tests.fuzz.seeds import make_seeds
 
 FULL = os.environ.get("TORTURE", "short") == "full"
-REPORT = os.environ.get("TORTURE_REPORT", "")
 
 
 @pytest.fixture(scope="session")
@@ -43,17 +40,3 @@ def count():
         return int(asked) if asked.isdigit() else full if FULL else short
 
     return choose
-
-
-@pytest.fixture
-def reported(request):
-    """Add to the table of counts that ``make torture`` prints, where one is wanted."""
-    begin = time.monotonic()
-
-    def report(kind, tried, wrong):
-        if REPORT:
-            seconds = time.monotonic() - begin
-            with Path(REPORT).open("a") as file:
-                file.write(f"{kind}\t{tried}\t{wrong}\t{seconds:.0f} s\n")
-
-    return report

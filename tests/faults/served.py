@@ -1,0 +1,79 @@
+"""Run the program again and again with a fault each: ``python -m tests.faults.served WORK``.
+
+The library of `faultpoints.c` is loaded before this process, which imports what the commands need
+and forks a copy of itself for each job, so that a run costs what the command itself costs. A job
+is a line of the standard input, the folder of the world, the words of the command line, the kind
+of fault and the call that meets it; the answer is a line of the standard output. What the command
+itself prints goes to the files `out` and `err` in WORK.
+"""
+
+import ctypes
+import gc
+import importlib
+import json
+import os
+import sys
+import traceback
+from pathlib import Path
+
+import mocapidx.tasks
+from cli.main import COMMANDS, main
+
+KINDS = ("none", "kill", "torn", "full", "broken", "interrupted", "short")
+
+
+def serve(work):
+    library = ctypes.CDLL(None)
+    library.faultpoints_calls.restype = ctypes.c_long
+    library.faultpoints_name.restype = ctypes.c_char_p
+    library.faultpoints_name.argtypes = [ctypes.c_long]
+    library.faultpoints_arm.argtypes = [ctypes.c_char_p, ctypes.c_int, ctypes.c_long]
+    for name, _ in COMMANDS.values():
+        importlib.import_module(f"cli.{name.partition(':')[0]}")
+    for path in Path(mocapidx.tasks.__file__).parent.glob("*.py"):
+        if path.stem != "cluster":  # which starts threads of its own
+            importlib.import_module(f"mocapidx.tasks.{path.stem}")
+    gc.freeze()
+    for line in sys.stdin:
+        world, words, kind, point = json.loads(line)
+        child = os.fork()
+        if not child:
+            run(library, work, world, words, KINDS.index(kind), point)
+        code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+        calls = library.faultpoints_calls()
+        names = [library.faultpoints_name(n).decode(errors="replace") for n in range(calls)]
+        answer = [code, names, read(work / "err")]
+        sys.stdout.write(json.dumps(answer) + "\n")
+        sys.stdout.flush()
+
+
+def read(path):
+    return path.read_text(errors="replace")
+
+
+def run(library, work, world, words, kind, point):
+    """Be the program, until it ends."""
+    code = 99
+    try:
+        os.chdir(world)
+        nothing = os.open(os.devnull, os.O_RDONLY)
+        out = os.open(work / "out", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+        err = os.open(work / "err", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+        for place, file in enumerate((nothing, out, err)):
+            os.dup2(file, place)
+        sys.stdin, sys.stdout, sys.stderr = (os.fdopen(n, m) for n, m in enumerate("rww"))
+        sys.argv = ["mocapidx", *words]
+        library.faultpoints_arm(os.fsencode(world), kind, point)
+        main()
+    except SystemExit as exc:
+        code = exc.code or 0
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+
+
+if __name__ == "__main__":
+    serve(Path(sys.argv[1]))
