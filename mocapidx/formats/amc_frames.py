@@ -219,11 +219,12 @@ def _read_lines(text: bytes, first: int, line: int, layout: Layout) -> FloatArra
     counts = dict(zip(layout.names, layout.counts, strict=True))
     rows: list[list[float]] = []
     seen: set[bytes] = set()
-    number = line
+    last = line
     for number, words in numbered_words(text, line + 1):
+        last, before = number, last
         if len(words) == 1 and FRAME_NUMBER.fullmatch(words[0]):
             if rows:
-                _check_whole(layout, seen, number, first + len(rows) - 1)
+                _check_whole(layout, seen, before, first + len(rows) - 1)
             if int(words[0]) != first + len(rows):
                 found = f"frame {int(words[0])}, expected {first + len(rows)}"
                 raise _error(layout, number, found)
@@ -248,7 +249,7 @@ def _read_lines(text: bytes, first: int, line: int, layout: Layout) -> FloatArra
                     "expected a number",
                 )
             rows[-1][begins[bone] + i] = value
-    _check_whole(layout, seen, number, first + len(rows) - 1)
+    _check_whole(layout, seen, last, first + len(rows) - 1)
     return np.array(rows)
 
 

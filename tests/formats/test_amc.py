@@ -122,8 +122,8 @@ def test_bones_in_another_order_are_read_in_blocks_too(tmp_path, monkeypatch):
          ":10: frame 2 has 4 values for 'thigh', small.asf gives it 3 degrees of freedom"),
         ("thigh 90 0 0", "thigh",
          ":6: frame 1 has 0 values for 'thigh', small.asf gives it 3 degrees of freedom"),
-        ("shank 90\n", "", ":11: frame 2 ends without bone 'shank'"),
-        ("shank 0\n", "", ":7: frame 1 ends without bone 'shank'"),
+        ("shank 90\n", "", ":10: frame 2 ends without bone 'shank'"),
+        ("shank 0\n", "", ":6: frame 1 ends without bone 'shank'"),
         ("shank -90.25\n", "", ":14: frame 3 ends without bone 'shank'"),
         ("shank 90\n", "shank 90\nshank 90\n", ":12: frame 2 has bone 'shank' twice"),
         ("shank 90\n", "wing 90\n", ":11: frame 2: bone 'wing' is not one that small.asf moves; "
