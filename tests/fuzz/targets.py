@@ -10,48 +10,46 @@ from pathlib import Path
 import numpy as np
 
 from mocapidx.errors import MocapidxError, StoreError
-from mocapidx.features.featureset import load_feature_set, parse_feature_set
 from mocapidx.formats.registry import read_recording, sources_of
 from mocapidx.formats.slice_c3d import c3d_frames
 from mocapidx.formats.slice_text import amc_frames, bvh_frames
 from mocapidx.formats.text import Limits
 from mocapidx.index.postings import open_index
-from mocapidx.queries.files import parse_pattern, parse_scene, read_query_text
-from mocapidx.skeleton.jointmap import load_joint_map
-from mocapidx.skeleton.joints import CANONICAL_JOINTS
-from mocapidx.skeleton.markermap import load_marker_map
-from mocapidx.skeleton.markers import choose_marker_map
 from mocapidx.store import closed, verify
 from mocapidx.store.read import open_store
 from mocapidx.store.sigma import read_sigma, sigma_fault
 from mocapidx.store.web import read_web
 from mocapidx.synthesis.file import load_space
-from mocapidx.synthesis.parameters import measure, parse_parameters
 from mocapidx.tasks import segment_sources
 from mocapidx.tasks import verify as verify_task
 from mocapidx.tasks.blend import make_motion
 from mocapidx.tasks.doctor import examination_lines, examination_record, examine_file
-from mocapidx.tasks.found import read_found
 from mocapidx.tasks.info import document_info, list_documents, store_info
-from mocapidx.tasks.label_files import read_labels
 from mocapidx.tasks.match import MatchOptions, match_records, match_store
-from mocapidx.tasks.match_graphs import read_graph
 from mocapidx.tasks.query import query_store
-from mocapidx.tasks.settings import read_settings
 from mocapidx.tasks.template import edit_templates, template_features, template_records
 from mocapidx.tasks.template_records import draw_text
 from mocapidx.tasks.verify import verify_store
-from mocapidx.templates.designs import apply_design, parse_designs
 from mocapidx.templates.file import load_templates
-from mocapidx.templates.template import MotionTemplate, TemplateSet
-from mocapidx.toml_files import read_toml_text
 from tests.fuzz import forging
 from tests.fuzz.mutants import damaged, damaged_json
+from tests.fuzz.text_readers import (
+    design,
+    feature_set,
+    graph,
+    joint_map,
+    labels,
+    marker_map,
+    parameters,
+    pattern,
+    records,
+    scene,
+    settings,
+    spoken,
+)
 from tests.fuzz.using import forge_anything, use
 
 __all__ = ["TARGETS", "Target", "without_waiting"]
-
-F39 = load_feature_set("f39")
 
 
 @dataclass(frozen=True)
@@ -208,68 +206,6 @@ def space(path):
     return hashlib.md5(b"".join(answer)).hexdigest()
 
 
-def feature_set(path):
-    parse_feature_set(read_toml_text(path), "x.toml")
-    return load_feature_set(path).digest
-
-
-def marker_map(path):
-    found = load_marker_map(path)
-    mapping = choose_marker_map([*CANONICAL_JOINTS, *(f"M{n}" for n in range(40))], found)
-    return f"{found}{mapping}"
-
-
-def pattern(path):
-    return str(parse_pattern(read_query_text(path), F39, 30.0, "p.toml"))
-
-
-def scene(path):
-    return str(parse_scene(read_query_text(path), F39, 30.0, "p.toml"))
-
-
-@lru_cache
-def squats():
-    squat = MotionTemplate("squat", np.ones((60, 39)), F39.digest, 30.0, tau=0.04)
-    return TemplateSet((squat,), F39.name, F39.digest, F39.text, 30.0)
-
-
-def design(path):
-    for each in parse_designs(read_toml_text(path), "d.toml").designs:
-        apply_design(each, squats(), F39)
-    return ""
-
-
-@lru_cache
-def swing():
-    times = np.linspace(0, 2, 21)
-    points = np.random.default_rng(0).normal(size=(1, 24, 3)) + 0.1 * times[:, None, None]
-    return points, times
-
-
-def parameters(path):
-    found = parse_parameters(read_toml_text(path), "p.toml")
-    points, times = swing()
-    return str(measure(found, points, times, times * 1.5))
-
-
-def records(path):
-    return str(read_found(path))
-
-
-def labels(path):
-    return str(read_labels(path))
-
-
-def spoken(path):
-    with contextlib.suppress(MocapidxError):
-        read_labels(path)
-    return records(path)
-
-
-def graph(path):
-    return str(read_graph(path))
-
-
 TARGETS = {
     target.name: target
     for target in (
@@ -316,12 +252,12 @@ TARGETS = {
         Target("srt", "a.srt", spoken),
         Target("babel", "a.json", spoken, damaged_json),
         Target("feature-set", "f.toml", feature_set),
-        Target("joint-map", "m.toml", lambda path: str(load_joint_map(path))),
+        Target("joint-map", "m.toml", joint_map),
         Target("marker-map", "m.toml", marker_map),
         Target("pattern", "p.toml", pattern),
         Target("scene", "s.toml", scene),
         Target("design", "d.toml", design),
         Target("parameters", "p.toml", parameters),
-        Target("settings", "mocapidx.toml", lambda path: str(read_settings(path))),
+        Target("settings", "mocapidx.toml", settings),
     )
 }

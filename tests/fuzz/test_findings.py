@@ -20,7 +20,7 @@ from mocapidx.tasks.template import shown_template
 from mocapidx.templates.file import load_templates
 from tests.fuzz.forging import forge_digests, tree_of, with_index, with_tree
 from tests.fuzz.seeds import put
-from tests.fuzz.targets import F39
+from tests.fuzz.text_readers import F39
 from tests.made_points import c3d_bytes
 
 

@@ -15,7 +15,7 @@ from mocapidx.reports.match_graphs import match_graph_picture
 from mocapidx.tasks.records import pair_records, render_records
 from mocapidx.tasks.template_records import draw_text, template_facts
 from mocapidx.templates.template import MotionTemplate
-from tests.fuzz.targets import F39
+from tests.fuzz.text_readers import F39
 
 ODD = "=1+1\x1b[2J\n\u202e<img src=x onerror=alert(1)>\udcff&\"'\x9b .amc"
 """No NUL and no slash: a file can be called so."""

@@ -1,0 +1,94 @@
+"""What is done to each kind of text that a person or another program writes; gives an answer."""
+
+import contextlib
+from functools import lru_cache
+
+import numpy as np
+
+from mocapidx.errors import MocapidxError
+from mocapidx.features.featureset import load_feature_set, parse_feature_set
+from mocapidx.queries.files import parse_pattern, parse_scene, read_query_text
+from mocapidx.skeleton.jointmap import load_joint_map
+from mocapidx.skeleton.joints import CANONICAL_JOINTS
+from mocapidx.skeleton.markermap import load_marker_map
+from mocapidx.skeleton.markers import choose_marker_map
+from mocapidx.synthesis.parameters import measure, parse_parameters
+from mocapidx.tasks.found import read_found
+from mocapidx.tasks.label_files import read_labels
+from mocapidx.tasks.match_graphs import read_graph
+from mocapidx.tasks.settings import read_settings
+from mocapidx.templates.designs import apply_design, parse_designs
+from mocapidx.templates.template import MotionTemplate, TemplateSet
+from mocapidx.toml_files import read_toml_text
+
+F39 = load_feature_set("f39")
+
+
+def feature_set(path):
+    parse_feature_set(read_toml_text(path), "x.toml")
+    return load_feature_set(path).digest
+
+
+def joint_map(path):
+    return str(load_joint_map(path))
+
+
+def marker_map(path):
+    found = load_marker_map(path)
+    mapping = choose_marker_map([*CANONICAL_JOINTS, *(f"M{n}" for n in range(40))], found)
+    return f"{found}{mapping}"
+
+
+def pattern(path):
+    return str(parse_pattern(read_query_text(path), F39, 30.0, "p.toml"))
+
+
+def scene(path):
+    return str(parse_scene(read_query_text(path), F39, 30.0, "p.toml"))
+
+
+@lru_cache
+def squats():
+    squat = MotionTemplate("squat", np.ones((60, 39)), F39.digest, 30.0, tau=0.04)
+    return TemplateSet((squat,), F39.name, F39.digest, F39.text, 30.0)
+
+
+def design(path):
+    for each in parse_designs(read_toml_text(path), "d.toml").designs:
+        apply_design(each, squats(), F39)
+    return ""
+
+
+@lru_cache
+def swing():
+    times = np.linspace(0, 2, 21)
+    points = np.random.default_rng(0).normal(size=(1, 24, 3)) + 0.1 * times[:, None, None]
+    return points, times
+
+
+def parameters(path):
+    found = parse_parameters(read_toml_text(path), "p.toml")
+    points, times = swing()
+    return str(measure(found, points, times, times * 1.5))
+
+
+def records(path):
+    return str(read_found(path))
+
+
+def labels(path):
+    return str(read_labels(path))
+
+
+def spoken(path):
+    with contextlib.suppress(MocapidxError):
+        read_labels(path)
+    return records(path)
+
+
+def graph(path):
+    return str(read_graph(path))
+
+
+def settings(path):
+    return str(read_settings(path))
