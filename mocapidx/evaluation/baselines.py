@@ -60,7 +60,9 @@ def relative_positions(poses: FloatArray) -> FloatArray:
     """
     relative = poses.astype(np.float64) - poses[:, :1]
     bones = relative[:, 1:] - relative[:, PARENTS[1:]]
-    size = np.nanmean(np.linalg.norm(bones, axis=2))
+    lengths = np.linalg.norm(bones, axis=2)
+    lengths = lengths[np.isfinite(lengths)]
+    size = max(lengths.mean(), SHORTEST) if len(lengths) else 1.0
     positions: FloatArray = np.einsum("tij,tnj->tni", _heading(relative), relative) / size
     return positions
 

@@ -32,6 +32,7 @@ from mocapidx.tasks.labels import LabelFile, place_labels
 from mocapidx.tasks.parallel import mapping
 from mocapidx.tasks.records import Record
 from mocapidx.tasks.segment_sources import store_feature_set
+from mocapidx.tasks.stored import pose_rows
 from mocapidx.templates.learn import SHORTEST_EXAMPLE, learn_template
 from mocapidx.templates.match import SHARED, end_padding, find_hits, local_minima, match_documents
 from mocapidx.templates.quantise import quantise
@@ -157,7 +158,7 @@ def _read_clips(snapshot: Snapshot, labels: LabelFile) -> list[_Clip]:
     for example in place_labels(labels.labels, documents, rate, SHORTEST_EXAMPLE):
         placed = places[example.document]
         rows = (placed.frame_offset + example.start, placed.frame_offset + example.end)
-        poses = snapshot.array(placed.file, "frames/poses", *rows)
+        poses = pose_rows(snapshot, placed.file, *rows)
         clips.append(
             _Clip(
                 name=example.label.where,

@@ -54,6 +54,12 @@ def test_seen_from_above_the_hips_lie_along_x():
     np.testing.assert_allclose(positions[:, 0], 0.0)
 
 
+@pytest.mark.parametrize("pose", [0.0, np.nan])
+def test_a_body_without_size_is_left_as_it_is(pose):
+    poses = np.full((3, 24, 3), pose)
+    np.testing.assert_array_equal(relative_positions(poses), poses)
+
+
 def test_a_raised_arm_turns_the_shoulder_only():
     poses = np.repeat(random_poses(2, frames=1), 2, axis=0)
     joints = [INDEX[name] for name in ("relbow", "rwrist", "rfingers")]

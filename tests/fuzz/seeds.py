@@ -27,6 +27,7 @@ from tests.made_webs import add_motions, gestures
 from tests.small_files import AMC, ASF, BVH, PERSON, bvh_text, person_rows
 
 FRAMES = 16
+LONGER = 72
 PATTERN = """
 name = "three squats"
 steps = [
@@ -226,9 +227,10 @@ def make_store_files(folder, fixtures, clip):
         put(folder, kind, "SIGMA", (store / "SIGMA").read_bytes())
     for kind in ("h5", "idx"):
         put(folder, kind, f"1.{kind}", (store / f"segments/000001.{kind}").read_bytes())
-    for kind in ("forged-idx", "forged-h5", "forged-used", "flips"):
+    for kind in ("forged-idx", "forged-h5", "flips"):
         shutil.copytree(store, folder / f"{kind}.beside/take.store")
         put(folder, kind, "nothing", b"")
+    make_used_store(folder, clip)
 
     random = np.random.default_rng(0)
     digest = feature_digest()
@@ -260,6 +262,19 @@ def make_store_files(folder, fixtures, clip):
     for kind in ("space", "forged-space"):
         (folder / kind).mkdir()
         save_space(space, folder / kind / "kick.space")
+
+
+def make_used_store(folder, clip):
+    """Make a store of four kicks in two segment files, long enough for every command."""
+    sources, store = folder / "kicks", folder / "forged-used.beside/take.store"
+    shutil.copytree(folder / "amc.beside", sources)
+    store.parent.mkdir()
+    for number, kick in enumerate(sorted(clip.parent.glob("*.amc"))[:4]):
+        frames = re.split(r"(?m)^(?=\d+\n)", kick.read_text())
+        put(folder, "kicks", kick.name, "".join(frames[: LONGER + 1]))
+        if number % 2:
+            index_files([sources], store)
+    put(folder, "forged-used", "nothing", b"")
 
 
 def feature_digest():

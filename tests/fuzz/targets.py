@@ -236,7 +236,7 @@ TARGETS = {
         ),
         Target("forged-h5", "take.store", quick_store, attack=forging.forge_arrays, short=200),
         Target("forged-idx", "take.store", quick_store, attack=forging.forge_index, short=200),
-        Target("forged-used", "take.store", use, attack=forge_anything, short=30, full=2000),
+        Target("forged-used", "take.store", use, attack=forge_anything, short=20, full=2000),
         Target("forged-sigma", "take.store/SIGMA", sigma, forging.forged_lines),
         Target("forged-templates", "t.mt", templates, forging.forged_seal),
         Target("forged-web", "arms.web", web, forging.forged_seal),

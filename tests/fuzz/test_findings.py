@@ -13,7 +13,9 @@ from mocapidx.index.postings import open_index
 from mocapidx.queries.files import parse_pattern
 from mocapidx.store.read import open_store, read_manifest
 from mocapidx.store.templates import read_templates, write_templates
+from mocapidx.tasks.compare import compare_methods
 from mocapidx.tasks.info import document_info, store_info
+from mocapidx.tasks.label_files import Label, LabelFile
 from mocapidx.tasks.query import query_store
 from mocapidx.tasks.stored import stored_poses
 from mocapidx.tasks.template import shown_template
@@ -158,3 +160,7 @@ def test_poses_that_overflow_are_damage(store):
         placed = snapshot.files[0].placed()
         with pytest.raises(StoreError, match="its poses are none"):
             stored_poses(snapshot, next(iter(placed)))
+    names = [name for file in manifest.files for name in (d.name for d in file.documents)]
+    labels = (Label(name, f"{n % 2}", None, None, f"{n}", "here") for n, name in enumerate(names))
+    with pytest.raises(StoreError, match="its poses are none"):
+        compare_methods(store, LabelFile(tuple(labels)))
