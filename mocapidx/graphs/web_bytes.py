@@ -121,8 +121,13 @@ def path_counts(data: bytes | memoryview) -> tuple[int, int, int, int]:
     -------
     tuple of int
         Chains, their cells, bridges, their inner cells.
+
+    Raises
+    ------
+    StoreError
+        If it is cut off; the message does not say in which file.
     """
-    chains, cells, bridges, inner = np.frombuffer(data, HEAD, 4).tolist()
+    chains, cells, bridges, inner = _numbers(data)[:4]
     return chains, cells, bridges, inner
 
 
@@ -237,12 +242,16 @@ def _unpacked(packed: NDArray[np.uint8], count: int) -> NDArray[np.uint8]:
     return quads.reshape(-1)[:count]
 
 
+def _numbers(data: bytes | memoryview) -> list[int]:
+    if len(data) < FIELDS * HEAD.itemsize:
+        raise StoreError("the paths of two documents are cut off")
+    numbers: list[int] = np.frombuffer(data, HEAD, FIELDS).tolist()
+    return numbers
+
+
 def _opened(data: bytes | memoryview) -> tuple[list[int], "_Reader"]:
     """Inflate what the head announces, and no more."""
-    size = FIELDS * HEAD.itemsize
-    if len(data) < size:
-        raise StoreError("the paths of two documents are cut off")
-    numbers = np.frombuffer(data, HEAD, FIELDS).tolist()
+    numbers = _numbers(data)
     chains, cells, bridges, inner, wide = numbers[:5]
     count = cells - chains + inner
     whole = chains * (CHAIN.itemsize + LEAVING.itemsize) + bridges * BRIDGE.itemsize
@@ -251,7 +260,7 @@ def _opened(data: bytes | memoryview) -> tuple[list[int], "_Reader"]:
         raise StoreError("the paths of two documents don't fit their number")
     inflater = zlib.decompressobj()
     try:
-        inflated = inflater.decompress(data[size:], whole + 1)
+        inflated = inflater.decompress(data[FIELDS * HEAD.itemsize :], whole + 1)
     except zlib.error as exc:
         raise StoreError("the paths of two documents can't be inflated") from exc
     if len(inflated) != whole or not inflater.eof or inflater.unused_data:

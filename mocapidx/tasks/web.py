@@ -16,14 +16,13 @@ import numpy as np
 from mocapidx.errors import Interrupted, ParameterError, StoreError
 from mocapidx.graphs.pair_paths import Unit, pair_paths
 from mocapidx.graphs.paths import PathRules
-from mocapidx.graphs.web_bytes import path_counts
 from mocapidx.printable import count, shown
 from mocapidx.store.manifest import Placed
 from mocapidx.store.read import Snapshot, open_store
 from mocapidx.store.web import WebDocument, document_identity, read_web
 from mocapidx.tasks.parallel import MapFunction, mapping
 from mocapidx.tasks.records import Record
-from mocapidx.tasks.web_building import Building, Pair
+from mocapidx.tasks.web_building import Building, Pair, path_totals
 from mocapidx.tasks.where import document_facts, meeting, name_facts, name_regex
 
 __all__ = ["WebOptions", "WebProgress", "WebSummary", "build_web", "path_rules", "web_info"]
@@ -311,15 +310,13 @@ def web_info(web: str | Path) -> Record:
         If it is no web, or damaged.
     """
     held = read_web(Path(web))
-    counts = np.zeros(4, dtype=np.int64)
-    for number in np.flatnonzero(held.pieces[:, 3]).tolist():
-        counts += path_counts(held.piece(number))
+    numbers = np.flatnonzero(held.pieces[:, 3]).tolist()
+    chains, cells, bridges, inner = path_totals(map(held.piece, numbers), Path(web))
     frames = sum(known.frames for known in held.documents)
     pairs = np.unique(held.pieces[:, :2], axis=0)
-    lengths = np.array([-(-known.frames // held.stride) for known in held.documents] or [0])
+    lengths = np.array([-(-known.frames // held.stride) for known in held.documents] or [0], float)
     first, second = pairs.T
     grid = int((lengths[first] * lengths[second] / np.where(first == second, 2, 1)).sum())
-    chains, cells, bridges, inner = counts.tolist()
     size = Path(web).stat().st_size
     return {
         "documents": len(held.documents),

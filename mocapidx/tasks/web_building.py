@@ -9,16 +9,18 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
+from mocapidx.errors import StoreError
 from mocapidx.graphs.pair_paths import Section, Unit, grid_stride, section_margin, sections
 from mocapidx.graphs.paths import PathRules
 from mocapidx.graphs.web_bytes import path_counts
+from mocapidx.printable import shown
 from mocapidx.skeleton.joints import CANONICAL_JOINTS
 from mocapidx.store.manifest import Placed
 from mocapidx.store.read import Snapshot
 from mocapidx.store.web import WebDocument, WebFile, read_web, write_web
 from mocapidx.tasks.stored import stored_poses
 
-__all__ = ["Block", "Building", "KnownPairs", "Pair"]
+__all__ = ["Block", "Building", "KnownPairs", "Pair", "path_totals"]
 
 BLOCK_FRAMES: Final = 2048
 """Frames of grids that are compared with as many others at once; a section is never split."""
@@ -173,8 +175,41 @@ class Building:
 
     def path_cells(self, kept: Mapping[Pair, Sequence[bytes]]) -> int:
         """Count the cells of all paths."""
-        counted = (path_counts(part) for parts in kept.values() for part in parts if part)
-        return sum(cells + inner for _, cells, _, inner in counted)
+        parts = (part for parts in kept.values() for part in parts if part)
+        _, cells, _, inner = path_totals(parts, self.output)
+        return cells + inner
+
+
+def path_totals(parts: Iterable[bytes | memoryview], where: Path) -> tuple[int, int, int, int]:
+    """Count what the paths of grids hold.
+
+    Parameters
+    ----------
+    parts : iterable of bytes
+    where : Path
+        The web that they may come from, for messages.
+
+    Returns
+    -------
+    tuple of int
+        Chains, their cells, bridges, their inner cells.
+
+    Raises
+    ------
+    StoreError
+        If one of them is damaged.
+    """
+    totals = np.zeros(4, dtype=np.int64)
+    try:
+        for part in parts:
+            totals += path_counts(part)
+    except StoreError as exc:
+        raise StoreError(
+            f"{shown(where)}: damaged ({exc}); remove it and make it again with "
+            "'mocapidx web build'"
+        ) from exc
+    chains, cells, bridges, inner = totals.tolist()
+    return chains, cells, bridges, inner
 
 
 def _grids(one: Sequence[Section], other: Sequence[Section]) -> list[tuple[Section, Section]]:

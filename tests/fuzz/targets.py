@@ -22,7 +22,13 @@ from mocapidx.store.web import read_web
 from mocapidx.synthesis.file import load_space
 from mocapidx.tasks import segment_sources
 from mocapidx.tasks import verify as verify_task
-from mocapidx.tasks.blend import make_motion
+from mocapidx.tasks.blend import (
+    aim_records,
+    example_records,
+    made_summary,
+    make_motion,
+    space_facts,
+)
 from mocapidx.tasks.doctor import examination_lines, examination_record, examine_file
 from mocapidx.tasks.info import document_info, list_documents, store_info
 from mocapidx.tasks.match import MatchOptions, match_records, match_store
@@ -30,6 +36,7 @@ from mocapidx.tasks.query import query_store
 from mocapidx.tasks.template import edit_templates, template_features, template_records
 from mocapidx.tasks.template_records import draw_text
 from mocapidx.tasks.verify import verify_store
+from mocapidx.tasks.web import build_web, web_info
 from mocapidx.templates.file import load_templates
 from tests.fuzz import forging
 from tests.fuzz.mutants import damaged, damaged_json
@@ -191,6 +198,8 @@ def templates(path):
 
 def web(path):
     found = read_web(path)
+    facts = str(web_info(path))
+    assert facts.isprintable(), facts
     graph = match_store(
         path.parent / "arms.store", path, "arm0.bvh@0.3:1.6", MatchOptions(epsilon=0.12)
     )
@@ -198,10 +207,23 @@ def web(path):
     return "\n".join([str(found.rules), hashlib.md5(found.paths).hexdigest(), *rows])
 
 
+def forged_web(path):
+    """Bring a web up to date that holds what its digests say."""
+    copy = path.with_name("copy.web")
+    copy.write_bytes(path.read_bytes())
+    with contextlib.suppress(MocapidxError):
+        build_web(path.parent / "arms.store", copy, map_fn=map)
+    return web(path)
+
+
 def space(path):
     found = load_space(path)
+    facts = [*space_facts(found), *map(str, example_records(found))]
+    assert all(line.isprintable() for line in facts), facts
     target = found.parameters[0]
     made = make_motion(found, target, rate=30)
+    facts += [made_summary(made), *map(str, aim_records(made))]
+    assert all(line.isprintable() for line in facts), facts
     answer = [made.motion.positions.tobytes(), found.weights.tobytes(), found.text.encode()]
     return hashlib.md5(b"".join(answer)).hexdigest()
 
@@ -239,7 +261,7 @@ TARGETS = {
         Target("forged-used", "take.store", use, attack=forge_anything, short=20, full=2000),
         Target("forged-sigma", "take.store/SIGMA", sigma, forging.forged_lines),
         Target("forged-templates", "t.mt", templates, forging.forged_seal),
-        Target("forged-web", "arms.web", web, forging.forged_seal),
+        Target("forged-web", "arms.web", forged_web, forging.forged_seal),
         Target("forged-space", "kick.space", space, forging.forged_seal),
         Target("graph-json", "g.json", graph, damaged_json),
         Target("graphml", "g.graphml", graph),

@@ -1,7 +1,9 @@
 """What the machines found, one by one, so that nobody has to find it again."""
 
 import json
+import shutil
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,12 +15,14 @@ from mocapidx.index.postings import open_index
 from mocapidx.queries.files import parse_pattern
 from mocapidx.store.read import open_store, read_manifest
 from mocapidx.store.templates import read_templates, write_templates
+from mocapidx.store.web import read_web, write_web
 from mocapidx.tasks.compare import compare_methods
 from mocapidx.tasks.info import document_info, store_info
 from mocapidx.tasks.label_files import Label, LabelFile
 from mocapidx.tasks.query import query_store
 from mocapidx.tasks.stored import stored_poses
 from mocapidx.tasks.template import shown_template
+from mocapidx.tasks.web import build_web, web_info
 from mocapidx.templates.file import load_templates
 from tests.fuzz.forging import forge_digests, tree_of, with_index, with_tree
 from tests.fuzz.seeds import put
@@ -164,3 +168,15 @@ def test_poses_that_overflow_are_damage(store):
     labels = (Label(name, f"{n % 2}", None, None, f"{n}", "here") for n, name in enumerate(names))
     with pytest.raises(StoreError, match="its poses are none"):
         compare_methods(store, LabelFile(tuple(labels)))
+
+
+def test_paths_that_are_cut_off_are_damage_to_every_command(seeds, tmp_path):
+    shutil.copytree(seeds / "web.beside", tmp_path, dirs_exist_ok=True)
+    path = tmp_path / "arms.web"
+    held = read_web(seeds / "web/arms.web")
+    pieces = held.pieces.copy()
+    pieces[np.flatnonzero(pieces[:, 3])[0], 3] = 7
+    write_web(path, replace(held, pieces=pieces))
+    for work in (lambda: web_info(path), lambda: build_web(tmp_path / "arms.store", path)):
+        with pytest.raises(StoreError, match=r"arms\.web: damaged \(.* are cut off\)"):
+            work()
