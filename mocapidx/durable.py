@@ -12,6 +12,7 @@ import contextlib
 import errno
 import fcntl
 import os
+import resource
 import stat
 import time
 from collections.abc import Iterable, Iterator
@@ -48,7 +49,7 @@ def durable_replace(
     subject : str, optional
         What messages call the thing that is written; default `path`.
     unchanged : str, optional
-        How messages say what stayed; default "PATH is unchanged".
+        How messages say what stayed; default "PATH is unchanged", or that it is not there.
 
     Raises
     ------
@@ -60,12 +61,21 @@ def durable_replace(
         If `path` lies in a folder that does not exist, or is no regular file.
     """
     subject = subject or str(path)
-    size = len(chunks) if isinstance(chunks, bytes) else None
+    unchanged = unchanged or f"{path} is {'unchanged' if os.path.lexists(path) else 'not there'}"
+    is_whole = isinstance(chunks, Chunk)
+    size = memoryview(chunks).nbytes if isinstance(chunks, Chunk) else 0
+
+    def counted(pieces: Iterable[Chunk]) -> Iterator[Chunk]:
+        nonlocal size
+        for piece in pieces:
+            size += memoryview(piece).nbytes
+            yield piece
+
     try:
-        replace_file(path, chunks)
+        replace_file(path, chunks if isinstance(chunks, Chunk) else counted(chunks))
     except OSError as exc:
         raise write_error(
-            exc, path, subject=subject, needed=size, unchanged=unchanged or f"{path} is unchanged"
+            exc, path, subject=subject, needed=size, is_whole=is_whole, unchanged=unchanged
         ) from exc
     try:
         sync_folder(Path(os.path.realpath(path)).parent)
@@ -136,7 +146,13 @@ def sync_folder(folder: Path) -> None:
 
 
 def write_error(
-    error: OSError, path: Path, *, subject: str, needed: int | None, unchanged: str
+    error: OSError,
+    path: Path,
+    *,
+    subject: str,
+    needed: int | None,
+    is_whole: bool = True,
+    unchanged: str,
 ) -> MocapidxError:
     """Put the system's refusal to write into words.
 
@@ -150,6 +166,8 @@ def write_error(
         What was being written.
     needed : int or None
         Bytes that were to be written, where known.
+    is_whole : bool
+        Whether these are all, or as many as there were until it failed.
     unchanged : str
         What is as it was before.
 
@@ -159,8 +177,9 @@ def write_error(
         ParameterError where the path itself is wrong.
     """
     if error.errno in FULL:
-        limits = [f"needed about {_megabytes(needed)}"] if needed is not None else []
-        limits.append(_room(error, path))
+        much = "about" if is_whole else "at least"
+        limits = [f"needed {much} {_amount(needed, up=True)}"] if needed else []
+        limits.append(_room(error, path, needed or 0))
         return WriteError(
             f"no space left on {_mount(path)} for {subject}: {', '.join(limits)}; {unchanged}"
         )
@@ -261,13 +280,19 @@ def _write_all(descriptor: int, view: memoryview) -> None:
         start += os.write(descriptor, view[start : start + PIECE])
 
 
-def _room(error: OSError, path: Path) -> str:
+def _room(error: OSError, path: Path, needed: int) -> str:
     if error.errno == errno.EDQUOT:
         return "over the quota"
     if error.errno == errno.EFBIG:
-        return "over the limit for the size of a file (ulimit -f)"
+        limit, _ = resource.getrlimit(resource.RLIMIT_FSIZE)
+        value = "" if limit == resource.RLIM_INFINITY else f": {_amount(limit)}"
+        return f"over the limit for the size of a file (ulimit -f{value})"
     status = os.statvfs(_mount(path))
-    return f"free {_megabytes(status.f_bavail * status.f_frsize)}"
+    free = status.f_bavail * status.f_frsize
+    # Only calls that make a name carry one; where they fail beside free space, names are short.
+    if error.filename is not None and free > needed:
+        return f"free {_amount(free)}, but no room for one more file (inodes); remove some there"
+    return f"free {_amount(free)}"
 
 
 def _mount(path: Path) -> Path:
@@ -277,8 +302,10 @@ def _mount(path: Path) -> Path:
     return path
 
 
-def _megabytes(size: int) -> str:
-    return f"{-(-size // 1_000_000)} MB"
+def _amount(size: int, *, up: bool = False) -> str:
+    """Say how much that is; what is needed is rounded up, what there is down."""
+    unit, name = (1000, "kB") if size < 1_000_000 else (1_000_000, "MB")
+    return f"{-(-size // unit) if up else size // unit} {name}"
 
 
 def _reason(error: OSError) -> str:

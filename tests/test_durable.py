@@ -3,6 +3,7 @@ import fcntl
 import os
 import stat
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -78,6 +79,27 @@ def test_a_full_disk_is_one_line_with_the_room_that_is_missing(target, monkeypat
     assert "\n" not in message
     assert target.read_bytes() == b"before"
     assert names(target.parent) == ["out.txt"]
+
+
+def test_what_is_needed_is_rounded_up_and_what_is_free_down(target, monkeypatch):
+    def disk(*_args):
+        return SimpleNamespace(f_bavail=3, f_frsize=4096)
+
+    monkeypatch.setattr(os, "write", failing(errno.ENOSPC))
+    monkeypatch.setattr(os, "statvfs", disk)
+    with pytest.raises(WriteError, match=r"needed about 13 kB, free 12 kB; .* is unchanged"):
+        durable_replace(target, b"x" * 12_300)
+    with pytest.raises(WriteError, match=r"needed at least 13 kB, free 12 kB; .* is not there"):
+        durable_replace(target.with_name("new"), (b"x" * 100 for _ in range(123)))
+
+
+def test_a_disk_that_has_room_but_no_more_names_says_so(target, monkeypatch):
+    def refuse(path, *_args):
+        raise OSError(errno.ENOSPC, "No space left on device", path)
+
+    monkeypatch.setattr(os, "open", refuse)
+    with pytest.raises(WriteError, match=r"but no room for one more file \(inodes\)"):
+        durable_replace(target, b"after")
 
 
 @pytest.mark.parametrize("call", ["write", "fsync", "rename"])
