@@ -2,6 +2,7 @@
 
 import io
 import json
+import zipfile
 
 import numpy as np
 
@@ -289,6 +290,72 @@ def keypoints(rng):
     }
 
 
+def npy(values, rng):
+    """An array as some program saves it: any order of axes, any version of the header."""
+    laid = np.asfortranarray(values) if rng.random() < 0.3 else values
+    stream = io.BytesIO()
+    if laid.dtype.hasobject:
+        np.save(stream, laid, allow_pickle=True)
+    else:
+        np.lib.format.write_array(stream, laid, rng.choice(((1, 0), (2, 0))))
+    return stream.getvalue()
+
+
+def turned(vectors):
+    """Matrices of axes times angles (..., 3), by the formula of Rodrigues."""
+    angle = np.linalg.norm(vectors, axis=-1)[..., None, None]
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    none = np.zeros_like(x)
+    cross = np.stack([np.stack(row, -1) for row in ((none, -z, y), (z, none, -x), (-y, x, none))])
+    cross = np.moveaxis(cross, 0, -2)
+    cross = cross / np.where(angle > 0, angle, 1)
+    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * (cross @ cross)
+
+
+def amass(rng):
+    """Poses of a body model: any type and order, other things beside them."""
+    random = np.random.default_rng(rng.randrange(1 << 32))
+    frames, width = rng.randint(1, 6), rng.choice((66, 72, 156, 165))
+    types = ("f4", "f8", ">f4", ">f8", "f2")
+    poses = random.normal(0, rng.choice((1e-9, 0.3, 2.0, 30.0)), (frames, width))
+    poses[random.random(poses.shape) < rng.choice((0, 0.5, 1))] = 0
+    poses = poses.astype(rng.choice(types))
+    trans = random.normal(0, 2, (frames, 3)).astype(rng.choice(types))
+    rate = rng.choice((None, 30, 59.94, 60, 120, 250))
+    arrays = {"poses": poses, "trans": trans}
+    if rate is not None:
+        key = rng.choice(("mocap_framerate", "mocap_frame_rate"))
+        kind = rng.choice(("f8", ">f8") if rate % 1 else ("f8", "f4", "i4", ">i8", "u1"))
+        arrays[key] = np.array(rng.choice((rate, [rate], [[rate]])), kind)
+    extras = {
+        "betas": random.normal(size=rng.choice((10, 16))),
+        "gender": np.array(rng.choice(("male", b"female", "neutral"))),
+        "dmpls": random.normal(size=(frames, 8)),
+        "surface_model_type": np.array("smplx"),
+        "labels": np.array(["C7", None, {}], object),
+        "marker_data": random.normal(size=(frames, 4, 3)),
+        "root_orient": random.normal(size=(frames, 3)),
+        "mocap_time_length": np.array(frames / 60),
+    }
+    chosen = rng.sample(sorted(extras), rng.randint(0, len(extras)))
+    arrays.update((name, extras[name]) for name in chosen)
+    members = list(arrays.items())
+    rng.shuffle(members)
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as file:
+        for name, values in members:
+            method = rng.choice((zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED))
+            file.writestr(f"{name}.npy", npy(values, rng), method)
+    vectors = poses[:, :66].astype("f8").reshape(frames, 22, 3)
+    return {"take.npz": stream.getvalue()}, {
+        "turns": turned(vectors),
+        "root": trans.astype("f8"),
+        "rate": None if rate is None else float(rate),
+        "unit": 1.0,
+        "up": "z",
+    }
+
+
 GRAMMARS = {
     "bvh": bvh,
     "amc": acclaim,
@@ -298,4 +365,5 @@ GRAMMARS = {
     "npz": archive,
     "npy": array,
     "json": keypoints,
+    "amass": amass,
 }

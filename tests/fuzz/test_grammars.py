@@ -28,6 +28,16 @@ def check(recording, model):
     if "positions" in model:
         assert list(recording.names) == model["names"]
         np.testing.assert_allclose(recording.positions, model["positions"], rtol=1e-6, atol=1e-9)
+    elif "turns" in model:
+        kinds = recording.channel_kinds.tolist()
+        np.testing.assert_array_equal(recording.values[:, [0, 1, 2]], model["root"])
+        assert kinds[:3] == [0, 1, 2]
+        for node in range(model["turns"].shape[1]):
+            columns = np.flatnonzero(recording.channel_nodes == node)
+            found = np.eye(3)
+            for column in columns[3:] if node == 0 else columns:
+                found = found @ turns_about(kinds[column] - 3, recording.values[:, column])
+            np.testing.assert_allclose(found, model["turns"][:, node], atol=1e-7)
     else:
         skeleton = recording.skeleton
         assert sorted(skeleton.names) == sorted(model["names"])
@@ -42,9 +52,20 @@ def check(recording, model):
             turns = key[1] >= 3 and model.get("degrees", True)
             expected = np.array(model["channels"][key]) * (np.pi / 180 if turns else 1.0)
             np.testing.assert_allclose(recording.values[:, column], expected, rtol=1e-14)
-    for key in {"rate", "unit"} & model.keys():
+    for key in {"rate", "unit", "up"} & model.keys():
         value = getattr(recording, key)
         assert value == model[key] or abs(value / model[key] - 1) < 1e-6, key
+
+
+def turns_about(axis, angles):
+    """Matrices of turns about one axis."""
+    cosines, sines = np.cos(angles), np.sin(angles)
+    turns = np.zeros((len(angles), 3, 3))
+    turns[:, axis, axis] = 1
+    one, other = (axis + 1) % 3, (axis + 2) % 3
+    turns[:, one, one] = turns[:, other, other] = cosines
+    turns[:, other, one], turns[:, one, other] = sines, -sines
+    return turns
 
 
 @pytest.mark.parametrize("name", GRAMMARS)
