@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 
 from mocapidx.errors import FormatError
-from mocapidx.formats.numbers import find_tokens, parse_numbers
+from mocapidx.formats.numbers import Tokens, find_tokens, parse_numbers
 from mocapidx.formats.text import decoded
 from mocapidx.model import FloatArray, IndexArray
 from mocapidx.printable import shown
@@ -82,27 +82,36 @@ def _block(text: bytes, width: int, where: str, line: int) -> tuple[FloatArray, 
     before = np.append(0, np.searchsorted(cells, breaks, side="right"))
     columns = np.searchsorted(cells, starts) - before[rows]
     values, bad = parse_numbers(tokens.text, starts, ends)
-    for i in bad.tolist():
-        word = tokens.word(i)
-        if word.lower() not in NOT_SEEN:
-            raise FormatError(
-                f"{where}:{line + rows[i]}: column {columns[i] + 1} is "
-                f"'{shown(decoded(word), 40)}', expected a number"
-            )
-    repeated = np.flatnonzero((np.diff(rows) == 0) & (np.diff(columns) == 0))
-    if len(repeated):
-        i = int(repeated[0])
-        raise FormatError(
-            f"{where}:{line + rows[i]}: column {columns[i] + 1} holds two numbers, "
-            "expected a tab or comma between them"
-        )
-    beyond = np.flatnonzero(columns >= width)
-    if len(beyond):
-        raise FormatError(
-            f"{where}:{line + rows[beyond[0]]}: has {columns[beyond].max() + 1} values, "
-            f"expected {width}"
-        )
+    _check_cells(tokens, rows, columns, bad, width, where, line)
     used, places = np.unique(rows, return_inverse=True)
     table = np.full((len(used), width), np.nan)
     table[places, columns] = values
     return table, used + line
+
+
+def _check_cells(
+    tokens: Tokens,
+    rows: IndexArray,
+    columns: IndexArray,
+    bad: IndexArray,
+    width: int,
+    where: str,
+    line: int,
+) -> None:
+    """Raise FormatError for the first cell that is wrong, if one is."""
+    odd = [i for i in bad.tolist() if tokens.word(i).lower() not in NOT_SEEN]
+    repeated = np.flatnonzero((np.diff(rows) == 0) & (np.diff(columns) == 0))
+    beyond = np.flatnonzero(columns >= width)
+    wrong = [int(found[0]) for found in (odd, repeated, beyond) if len(found)]
+    if wrong:
+        i = min(wrong)
+        at, column = f"{where}:{line + rows[i]}", f"column {columns[i] + 1}"
+        if i in odd[:1]:
+            word = shown(decoded(tokens.word(i)), 40)
+            raise FormatError(f"{at}: {column} is '{word}', expected a number")
+        if i in repeated[:1]:
+            raise FormatError(
+                f"{at}: {column} holds two numbers, expected a tab or comma between them"
+            )
+        most = columns[rows == rows[i]].max() + 1
+        raise FormatError(f"{at}: has {most} values, expected {width}")

@@ -70,6 +70,13 @@ def test_what_is_wrong_is_told_with_its_line(tmp_path, old, new, message):
     assert "\n" not in str(caught.value)
 
 
+def test_of_several_faults_the_first_is_told_and_speaks_of_its_own_line(tmp_path):
+    text = trc_text(NAMES, some_points())
+    lines = text.replace("\n3\t0.020000\t", "\n3\t0.020000\t1\t2\t").splitlines()
+    with pytest.raises(FormatError, match=r"x\.trc:9: has 13 values, expected 11"):
+        read(tmp_path, "\n".join([*lines, lines[-1] + "\t1" * 9, "4\tabc"]))
+
+
 def test_a_header_alone_has_no_motion(tmp_path):
     text = trc_text(NAMES, some_points())
     with pytest.raises(FormatError, match="has no frames"):
