@@ -2,6 +2,7 @@
 # make test   set everything up and pass all checks and tests
 # make torture   attack every reader and every store with damaged and hostile files, for hours;
 #   TORTURE=short make torture   as many as make test does, TORTURE=1000 make torture   1000 of each
+# make fuzz   let libFuzzer look for files that break a reader, FUZZ_SECONDS=3600 for each kind
 # make sanitize   test the C kernels and the readers with sanitizers of memory and behaviour
 # The rest:   dev kernels tests lint types check bench bench-quick fixtures three pictures docs clean
 
@@ -10,11 +11,14 @@ VENV := .venv
 BIN := $(VENV)/bin
 WORK := build
 SANITIZED := $(WORK)/sanitized
+FUZZED := $(WORK)/fuzzed
+FUZZ_SECONDS ?= 3600
+CLANG ?= clang
 TORTURED := tests/fuzz
 QUICK := test_a_megabyte_of_nonsense_takes_neither_time_nor_memory
 BUILT_FROM := pyproject.toml setup.py $(wildcard mocapidx/kernels/*.[ch])
 
-.PHONY: demo test tests torture sanitize dev kernels lint types check bench bench-quick fixtures three pictures clean docs
+.PHONY: demo test tests torture fuzz sanitize dev kernels lint types check bench bench-quick fixtures three pictures clean docs
 
 demo: $(VENV)/.demo $(WORK)/fixtures/.done
 	$(BIN)/python fixtures/demo.py --fixtures $(WORK)/fixtures --output $(WORK)/demo
@@ -31,6 +35,21 @@ torture: $(VENV)/.test
 	TORTURE=$${TORTURE:-full} TORTURE_REPORT="$(CURDIR)/$(WORK)/torture.tsv" \
 	  $(BIN)/python -m pytest -q -p no:cacheprovider $(TORTURED); \
 	  code=$$?; cat $(WORK)/torture.tsv; exit $$code
+
+# libFuzzer counts the branches of the kernels too, and sanitizers watch them; for that they are built
+# by clang. What was done and found stands in a table afterwards, what was found below build/fuzz.
+fuzz: $(VENV)/.fuzz
+	@command -v $(CLANG) > /dev/null || { echo "make fuzz needs clang and its libraries, such as \
+	  apt-get install clang; CLANG=NAME names another one" >&2; exit 1; }
+	rm -rf $(FUZZED)
+	mkdir -p $(FUZZED)
+	cp -r mocapidx $(FUZZED)
+	rm -f $(FUZZED)/mocapidx/kernels/*.so $(WORK)/fuzz.tsv
+	CC=$(CLANG) KERNEL_FLAGS="-g -fsanitize=address,undefined,fuzzer-no-link -fno-sanitize-recover=all" \
+	  $(BIN)/python setup.py --quiet build_ext --force \
+	  --build-lib $(FUZZED) --build-temp $(FUZZED)/objects
+	$(BIN)/python -m tests.fuzz.guided --seconds $(FUZZ_SECONDS) --kernels $(FUZZED) \
+	  --report $(WORK)/fuzz.tsv
 
 # The program that the tests start finds the same package by PYTHONPATH. Without the library of C++
 # an exception of it ends a process that has the sanitizer; and some peers free what is not theirs.
@@ -99,6 +118,11 @@ $(VENV)/.demo: $(BUILT_FROM) | $(BIN)/python
 
 $(VENV)/.test: $(BUILT_FROM) | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test,examples,cluster]'
+	$(BIN)/python -m compileall -q mocapidx cli
+	touch $@ $(VENV)/.demo
+
+$(VENV)/.fuzz: $(BUILT_FROM) | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test,fuzz]'
 	$(BIN)/python -m compileall -q mocapidx cli
 	touch $@ $(VENV)/.demo
 
