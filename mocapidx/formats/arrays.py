@@ -57,17 +57,13 @@ def read_arrays(path: Path, limits: Limits, wanted: Collection[str]) -> dict[str
         for name in names:
             if names.count(name) > 1:
                 raise FormatError(f"{where}: holds '{shown(name)}' twice; is it damaged?")
-        allowed = max(ALWAYS_ALLOWED, LARGEST_RATIO * len(data))
-        total = sum(info.file_size for info in infos)
-        if total > allowed:
-            raise FormatError(
-                f"{where}: {len(data):,} bytes would become {total:,}; no motion is packed so "
-                "tightly"
-            )
-        return {
+        _check_size(where, len(data), sum(info.file_size for info in infos))
+        arrays = {
             name: _array(f"{where}: '{shown(name)}'", _member(where, archive, info))
             for name, info in zip(names, infos, strict=True)
         }
+    _check_size(where, len(data), sum(map(_worked_size, arrays.values())))
+    return arrays
 
 
 def read_array(path: Path, limits: Limits) -> Array:
@@ -163,6 +159,18 @@ def as_texts(value: Array, where: str) -> tuple[str, ...]:
         raise FormatError(f"{where}: is {value.dtype} of shape {value.shape}, expected names")
     names = value.tolist()
     return tuple(n.decode("utf-8", "surrogateescape") if isinstance(n, bytes) else n for n in names)
+
+
+def _check_size(where: str, size: int, becomes: int) -> None:
+    if becomes > max(ALWAYS_ALLOWED, LARGEST_RATIO * size):
+        raise FormatError(
+            f"{where}: {size:,} bytes would become {becomes:,}; no motion is packed so tightly"
+        )
+
+
+def _worked_size(array: Array) -> int:
+    """Bytes of an array when it is worked with: of each number, or of each name as an object."""
+    return array.size * (64 + array.itemsize if array.dtype.kind in "US" else 8)
 
 
 def _opened(where: str, data: bytes) -> zipfile.ZipFile:

@@ -118,7 +118,8 @@ def _parsed(where: str, data: bytes) -> Any:
     except RecursionError as exc:
         raise FormatError(f"{where}: nested too deeply") from exc
     except ValueError as exc:
-        raise FormatError(f"{where}: not JSON: {shown(exc, 100)}") from exc
+        what = str(exc).partition(";")[0]  # behind it stands advice for programmers
+        raise FormatError(f"{where}: not JSON: {shown(what, 100)}") from exc
 
 
 def _points_of(frame: Any) -> Any:

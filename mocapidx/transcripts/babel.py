@@ -103,7 +103,8 @@ def read_babel(data: bytes, where: str, stem: str) -> tuple[Transcript, ...]:
     try:
         sequences = json.loads(decoded_text(data, where), parse_constant=_refuse)
     except (ValueError, RecursionError) as exc:
-        raise FormatError(f"{where}: not JSON ({shown(exc, 80)})") from exc
+        what = str(exc).partition(";")[0]  # behind it stands advice for programmers
+        raise FormatError(f"{where}: not JSON ({shown(what, 100)})") from exc
     if type(sequences) is not dict:
         raise FormatError(f"{where}: not BABEL's JSON: expected an object of sequences")
     return tuple(

@@ -84,6 +84,15 @@ def test_a_bomb_is_refused_before_it_is_unpacked(tmp_path):
         read_arrays(path, Limits(), {"a"})
 
 
+@pytest.mark.parametrize("values", [np.zeros(1 << 22, "u1"), np.zeros(1 << 20, "S1")])
+def test_numbers_and_names_count_as_what_they_become(tmp_path, values):
+    path = archive(tmp_path / "x.npz", [("a.npy", npy(values))], zipfile.ZIP_DEFLATED)
+    with pytest.raises(FormatError, match="no motion is packed so tightly"):
+        read_arrays(path, Limits(), {"a"})
+    path = archive(tmp_path / "y.npz", [("a.npy", npy(values[: 1 << 16]))], zipfile.ZIP_STORED)
+    assert read_arrays(path, Limits(), {"a"})["a"].shape == (1 << 16,)
+
+
 def test_a_bomb_that_lies_about_its_size_is_refused(tmp_path):
     path = archive(tmp_path / "x.npz", [("a.npy", npy(np.zeros(1000)))], zipfile.ZIP_DEFLATED)
     octets = path.read_bytes()
