@@ -150,7 +150,7 @@ def write_error(
     path: Path,
     *,
     subject: str,
-    needed: int | None,
+    needed: int | None = None,
     is_whole: bool = True,
     unchanged: str,
 ) -> MocapidxError:

@@ -20,7 +20,7 @@ NO_LINKS: Final = frozenset(
 PIECE: Final = 1 << 22
 
 
-def link_or_copy(source: Path, target: Path, record: FileRecord) -> None:
+def link_or_copy(source: Path, target: Path, record: FileRecord) -> bool:
     """Give an immutable file a second name; the caller syncs the folder.
 
     Parameters
@@ -30,6 +30,11 @@ def link_or_copy(source: Path, target: Path, record: FileRecord) -> None:
         Must not exist.
     record : FileRecord
         Size and digest of the file, which a copy is checked against.
+
+    Returns
+    -------
+    bool
+        Whether it is a link.
 
     Raises
     ------
@@ -46,6 +51,8 @@ def link_or_copy(source: Path, target: Path, record: FileRecord) -> None:
         if exc.errno not in NO_LINKS:
             raise
         replace_file(target, _checked(source, record))
+        return False
+    return True
 
 
 def _checked(source: Path, record: FileRecord) -> Iterator[bytes]:

@@ -5,8 +5,8 @@ so that bytes are checked before anything looks at them.
 """
 
 import hashlib
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -180,6 +180,26 @@ class SegmentFile:
         for ordinal, document in enumerate(self.documents):
             yield Placed(document, self, ordinal, offset)
             offset += document.frames
+
+    def without(self, names: Collection[str]) -> "SegmentFile":
+        """Bury documents; their frames and numbers stay until the file is merged.
+
+        Parameters
+        ----------
+        names : collection of str
+            Of documents, which may lie in other files.
+
+        Returns
+        -------
+        SegmentFile
+            This one where none of them lives in it.
+        """
+        if not any(entry.live and entry.name in names for entry in self.documents):
+            return self
+        documents = tuple(
+            replace(entry, live=False) if entry.name in names else entry for entry in self.documents
+        )
+        return replace(self, documents=documents)
 
 
 @dataclass(frozen=True, slots=True)

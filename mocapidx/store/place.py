@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 from mocapidx.durable import sync_folder, write_error
@@ -9,7 +10,7 @@ from mocapidx.errors import ParameterError, WriteError
 from mocapidx.store import schema
 from mocapidx.store.manifest import Manifest
 
-__all__ = ["check_writable", "make_folder", "sweep", "unmake_folder"]
+__all__ = ["check_writable", "gone_if_empty", "make_folder", "sweep", "unmake_folder"]
 
 
 def check_writable(path: Path) -> None:
@@ -71,6 +72,27 @@ def make_folder(path: Path) -> bool:
             exc, path, subject=str(path), needed=None, unchanged="nothing was made"
         ) from exc
     return True
+
+
+@contextlib.contextmanager
+def gone_if_empty(path: Path) -> Iterator[None]:
+    """Take a folder away after an error if nothing is in it, not even a LOCK.
+
+    Parameters
+    ----------
+    path : Path
+        A folder that was made just now.
+
+    Yields
+    ------
+    None
+    """
+    try:
+        yield
+    except BaseException:
+        with contextlib.suppress(OSError):
+            path.rmdir()
+        raise
 
 
 def unmake_folder(path: Path) -> None:

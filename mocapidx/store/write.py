@@ -32,7 +32,13 @@ from mocapidx.store.manifest import (
     file_digest,
     segment_names,
 )
-from mocapidx.store.place import check_writable, make_folder, sweep, unmake_folder
+from mocapidx.store.place import (
+    check_writable,
+    gone_if_empty,
+    make_folder,
+    sweep,
+    unmake_folder,
+)
 from mocapidx.store.read import Snapshot, read_manifest
 
 __all__ = ["Batch", "StoreSettings", "Writer", "check_writable", "writing"]
@@ -51,7 +57,7 @@ class Writer:
 
     def __init__(self, path: Path, manifest: Manifest, handles: contextlib.ExitStack) -> None:
         self.path = path
-        self.manifest = manifest
+        self.manifest = self._begun = manifest
         self._handles = handles
         self._usable = True
         self._snapshot = self._fresh()
@@ -189,24 +195,27 @@ class Writer:
     ) -> Snapshot:
         if not self._usable:
             raise WriteError(f"{self.path}: an earlier commit failed; run again")
-        files = [_without(file, dead) for file in self.manifest.files if file.number not in dropped]
+        files = [f.without(dead) for f in self.manifest.files if f.number not in dropped]
         kept = tuple(file for file in files if any(entry.live for entry in file.documents))
         if batch is None and not adopted and kept == self.manifest.files:
             return self._snapshot
         number = self.manifest.next_number
         manifest = replace(self.manifest, files=kept, generation=self.manifest.generation + 1)
-        with self._explained(batch):
+        needed: list[int] = []
+        with self._explained(needed):
             if batch is not None:
                 check_batch(batch, self.settings)
+                needed.append(batch_size(batch))
                 sweep(self.path, self.manifest)
                 file = self._write_segment(batch, number)
                 manifest = replace(manifest, files=(*kept, file), next_number=number + 1)
             else:
                 sweep(self.path, self.manifest)
-                taken = self._link_segments(adopted, number)
+                taken = self._link_segments(adopted, number, needed)
                 following = number + len(taken)
                 manifest = replace(manifest, files=(*kept, *taken), next_number=following)
             data = encode_manifest(manifest)
+            needed.append(len(data))
             manifest = _readable(data, self.path)
             self._usable = False  # from here on only success tells which manifest is there
             replace_file(self.path / schema.MANIFEST, data)
@@ -249,7 +258,7 @@ class Writer:
         )
 
     def _link_segments(
-        self, adopted: Sequence[tuple[Path, SegmentFile]], number: int
+        self, adopted: Sequence[tuple[Path, SegmentFile]], number: int, needed: list[int]
     ) -> list[SegmentFile]:
         folder = self.path / schema.SEGMENTS
         taken = []
@@ -258,15 +267,17 @@ class Writer:
             for old, new, record in zip(
                 file.names, segment_names(place), (file.h5, file.idx), strict=True
             ):
-                link_or_copy(store / schema.SEGMENTS / old, folder / new, record)
+                needed.append(record.size)
+                if link_or_copy(store / schema.SEGMENTS / old, folder / new, record):
+                    needed.pop()
             taken.append(replace(file, number=place))
         if taken:
             sync_folder(folder)
         return taken
 
     @contextlib.contextmanager
-    def _explained(self, batch: Batch | None) -> Iterator[None]:
-        """On a failure leave no debris, and say what the store still holds."""
+    def _explained(self, needed: Sequence[int]) -> Iterator[None]:
+        """On a failure leave no debris, and say what was needed and what the store still holds."""
         try:
             yield
         except BaseException as exc:
@@ -277,12 +288,11 @@ class Writer:
             if not isinstance(exc, OSError):
                 raise
             documents = count(sum(1 for _ in self.manifest.documents()), "document")
+            left = f"store unchanged ({documents})"
+            if self.manifest is not self._begun:
+                left = f"what was saved before stays ({documents}); run again to continue"
             raise write_error(
-                exc,
-                self.path,
-                subject=str(self.path),
-                needed=batch_size(batch) if batch else None,
-                unchanged=f"store unchanged ({documents})",
+                exc, self.path, subject=str(self.path), needed=sum(needed), unchanged=left
             ) from exc
 
     def _fresh(self) -> Snapshot:
@@ -338,6 +348,7 @@ def writing(
         read_manifest(path)
     made = create is not None and make_folder(path)
     with (
+        gone_if_empty(path) if made else contextlib.nullcontext(),
         locked(path, command=command, timeout=lock_timeout, use_lock=use_lock),
         contextlib.ExitStack() as handles,
     ):
@@ -345,9 +356,7 @@ def writing(
         try:
             sweep(path, manifest)
         except OSError as exc:
-            raise write_error(
-                exc, path, subject=str(path), needed=None, unchanged="store unchanged"
-            ) from exc
+            raise write_error(exc, path, subject=str(path), unchanged="store unchanged") from exc
         try:
             yield Writer(path, manifest, handles)
         finally:
@@ -383,16 +392,6 @@ def _agreed(path: Path, create: StoreSettings | None) -> Manifest:
             f"{path}: keeps joint positions; leave --no-poses out or give another --store"
         )
     return manifest
-
-
-def _without(file: SegmentFile, names: Collection[str]) -> SegmentFile:
-    """Bury documents; their frames and numbers stay until the file is merged."""
-    if not any(entry.live and entry.name in names for entry in file.documents):
-        return file
-    documents = tuple(
-        replace(entry, live=False) if entry.name in names else entry for entry in file.documents
-    )
-    return replace(file, documents=documents)
 
 
 def _readable(data: bytes, path: Path) -> Manifest:

@@ -335,6 +335,38 @@ def test_a_limit_on_the_size_of_files_is_no_crash(store, limit):
     assert resource.getrlimit(resource.RLIMIT_FSIZE)[0] != limit
 
 
+def test_a_store_that_can_not_be_locked_for_want_of_room_was_never_made(tmp_path, monkeypatch):
+    real_open = os.open
+
+    def refuse(path, *args, **options):
+        if str(path).endswith("LOCK"):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), path)
+        return real_open(path, *args, **options)
+
+    monkeypatch.setattr(os, "open", refuse)
+    with (
+        pytest.raises(WriteError, match="no room for one more file"),
+        writing(tmp_path / "new.store", command="test", create=SETTINGS),
+    ):
+        pass
+    assert not (tmp_path / "new.store").exists()
+
+
+def test_what_was_committed_before_a_disk_was_full_is_told_to_stay(store, monkeypatch):
+    with writing(store, command="test") as writer:
+        writer.commit(make_batch({"y": 5}))
+        monkeypatch.setattr(os, "write", full_disk)
+        with pytest.raises(WriteError) as caught:
+            writer.commit(make_batch({"z": 5}))
+    kept = r"needed about \d+ kB, .*; what was saved before stays \(6 documents\); run again to "
+    assert re.search(kept, str(caught.value))
+    assert names_of(store) == sorted([*ALL, "y"])
+
+
+def full_disk(*_args):
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
 def test_damaged_files_are_set_aside_and_kept(store):
     with writing(store, command="verify") as writer:
         moved = writer.set_aside(writer.snapshot.files[:1])
