@@ -155,10 +155,9 @@ def _rest(document: Document) -> FloatArray | None:
     if kept is None:
         return None
     try:
-        rows = [[np.nan] * 3 if row is None else row for row in kept]
-        rest = np.array(rows, dtype=np.float64)
-    except (TypeError, ValueError) as exc:
-        raise StoreError(f"{shown(document.name)}: its zero pose is none; index it again") from exc
-    if rest.shape != (len(CANONICAL_JOINTS), 3):
+        rest = np.array([[np.nan] * 3 if row is None else row for row in kept], dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        rest = np.empty(0)
+    if rest.shape != (len(CANONICAL_JOINTS), 3) or (np.abs(rest) > FARTHEST).any():
         raise StoreError(f"{shown(document.name)}: its zero pose is none; index it again")
     return rest

@@ -20,7 +20,7 @@ from mocapidx.tasks.compare import compare_methods
 from mocapidx.tasks.info import document_info, store_info
 from mocapidx.tasks.label_files import Label, LabelFile
 from mocapidx.tasks.query import query_store
-from mocapidx.tasks.stored import stored_poses
+from mocapidx.tasks.stored import stored_motion, stored_poses
 from mocapidx.tasks.template import shown_template
 from mocapidx.tasks.web import build_web, web_info
 from mocapidx.templates.file import load_templates
@@ -131,6 +131,15 @@ def test_whatever_a_store_says_of_a_skeleton_is_told_or_refused(store, key, valu
     with pytest.raises(StoreError) as caught:
         asked(store, name)
     assert str(caught.value).isprintable()
+
+
+@pytest.mark.parametrize("value", [[[10**400] * 3] * 24, [[1e300] * 3] * 24, [], "x", [[0, 0, 0]]])
+def test_a_zero_pose_that_is_none_is_damage(store, value):
+    with_tree(lambda tree: [rig.__setitem__("rest", value) for rig in tree["rigs"]])(store)
+    with open_store(store) as snapshot:
+        placed = next(iter(snapshot.files[0].placed()))
+        with pytest.raises(StoreError, match="its zero pose is none"):
+            stored_motion(snapshot, placed)
 
 
 def asked(store, name):
