@@ -41,12 +41,14 @@ def man(output: Path) -> None:
       mocapidx man --output ~/.local/share/man
       man mocapidx-index
     """
+    from mocapidx.durable import make_folder
     from mocapidx.tasks.records import save_text
 
     root = click.get_current_context().find_root()
     pages = [("", root.command), *all_commands(root.command, root)]
     folder = output / "man1"
-    folder.mkdir(parents=True, exist_ok=True)
+    for place in (*reversed(output.parents), output, folder):
+        make_folder(place)
     for words, command in pages:
         name = "-".join(["mocapidx", *words.split()])
         save_text(manual_page(name, words, command, root), folder / f"{name}.1")

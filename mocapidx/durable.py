@@ -21,13 +21,22 @@ from typing import TypeAlias
 
 from mocapidx.errors import MocapidxError, ParameterError, WriteError
 
-__all__ = ["Chunk", "durable_replace", "replace_file", "sync_folder", "write_error"]
+__all__ = [
+    "Chunk",
+    "durable_replace",
+    "has_written",
+    "make_folder",
+    "replace_file",
+    "sync_folder",
+    "write_error",
+]
 
 Chunk: TypeAlias = bytes | bytearray | memoryview
 
 PIECE = 1 << 24
 GATHERED = 1 << 20
 FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
+_put_in_place: list[Path] = []
 NO_FOLDER_SYNC = frozenset({errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP})
 
 
@@ -113,6 +122,7 @@ def replace_file(path: Path, chunks: Chunk | Iterable[Chunk]) -> None:
             for view in _gathered([chunks] if isinstance(chunks, Chunk) else chunks):
                 _write_all(descriptor, view)
             os.fsync(descriptor)
+            _put_in_place.append(target)  # before it is, or a stop right after it would not know
             os.rename(temporary, target)
         except BaseException:
             with contextlib.suppress(OSError):
@@ -120,6 +130,51 @@ def replace_file(path: Path, chunks: Chunk | Iterable[Chunk]) -> None:
             raise
     finally:
         os.close(descriptor)
+
+
+def make_folder(path: Path) -> bool:
+    """Make a folder where there is none; after a return it is on disk.
+
+    Parameters
+    ----------
+    path : Path
+        The folder; the one above it must be there.
+
+    Returns
+    -------
+    bool
+        Whether it was not there before.
+
+    Raises
+    ------
+    WriteError
+        If it can't be made.
+    ParameterError
+        If the folder above isn't there, or a file has this name.
+    """
+    try:
+        path.mkdir()
+        sync_folder(path.parent)
+    except FileExistsError as exc:
+        if not path.is_dir():
+            raise ParameterError(f"{path}: is a file, expected a folder") from exc
+        return False
+    except OSError as exc:
+        raise write_error(
+            exc, path, subject=str(path), needed=None, unchanged="nothing was made"
+        ) from exc
+    return True
+
+
+def has_written() -> bool:
+    """Tell whether this process has put a file in place, or was about to.
+
+    Returns
+    -------
+    bool
+        For the last words of a command that was stopped.
+    """
+    return bool(_put_in_place)
 
 
 def sync_folder(folder: Path) -> None:
@@ -217,25 +272,31 @@ def _open_temporary(target: Path) -> tuple[Path, int]:
     # 180 bytes of the name are plenty to recognise it, and no file system minds the rest.
     stem = os.fsdecode(os.fsencode(target.name)[:180])
     usual = target.with_name(f"{stem}.mocapidx.tmp")
-    with contextlib.suppress(FileExistsError):
-        _remove_abandoned(usual)
+    _remove_abandoned(usual)
+    try:
         return usual, _create_locked(usual)
-    other = target.with_name(f"{stem}.{time.time_ns()}.tmp")
-    return other, _create_locked(other)
+    except FileExistsError:
+        other = target.with_name(f"{stem}.{time.time_ns()}.tmp")
+        return other, _create_locked(other)
 
 
 def _create_locked(path: Path) -> int:
+    """Make a file and lock it; a stop that comes right after it was made takes it away again."""
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC | os.O_NOFOLLOW
-    descriptor = os.open(path, flags, 0o666)
+    descriptor = -1
     try:
+        descriptor = os.open(path, flags, 0o666)
         # Where files can't be locked, what a killed writer leaves stays.
         with contextlib.suppress(OSError):
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         # Somebody may have taken it for abandoned before it was locked.
         if not _is_at(descriptor, path):
             raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
-    except BaseException:
-        os.close(descriptor)
+    except BaseException as exc:
+        if descriptor >= 0:
+            os.close(descriptor)
+        if not isinstance(exc, FileExistsError):
+            _remove_abandoned(path)
         raise
     return descriptor
 

@@ -1,16 +1,16 @@
-"""The folder of a store: whether one may be there, making it, clearing it of debris."""
+"""The folder of a store: whether one may be there, clearing it of debris."""
 
 import contextlib
 import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from mocapidx.durable import sync_folder, write_error
+from mocapidx.durable import sync_folder
 from mocapidx.errors import ParameterError, WriteError
 from mocapidx.store import schema
 from mocapidx.store.manifest import Manifest
 
-__all__ = ["check_writable", "gone_if_empty", "make_folder", "sweep", "unmake_folder"]
+__all__ = ["check_writable", "gone_if_empty", "sweep", "unmake_folder"]
 
 
 def check_writable(path: Path) -> None:
@@ -42,36 +42,6 @@ def check_writable(path: Path) -> None:
             )
     if not os.access(folder, os.W_OK | os.X_OK):
         raise WriteError(f"{path}: may not be written; see to its permissions or its file system")
-
-
-def make_folder(path: Path) -> bool:
-    """Make the folder of a store where there is none.
-
-    Parameters
-    ----------
-    path : Path
-        The folder.
-
-    Returns
-    -------
-    bool
-        Whether it was not there before.
-
-    Raises
-    ------
-    WriteError
-        If it can't be made.
-    """
-    try:
-        path.mkdir()
-        sync_folder(path.parent)
-    except FileExistsError:
-        return False
-    except OSError as exc:
-        raise write_error(
-            exc, path, subject=str(path), needed=None, unchanged="nothing was made"
-        ) from exc
-    return True
 
 
 @contextlib.contextmanager

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mocapidx.durable import replace_file, sync_folder, write_error
+from mocapidx.durable import make_folder, replace_file, sync_folder, write_error
 from mocapidx.errors import MocapidxError, ParameterError, StoreError, WriteError
 from mocapidx.printable import count
 from mocapidx.store import schema
@@ -32,13 +32,7 @@ from mocapidx.store.manifest import (
     file_digest,
     segment_names,
 )
-from mocapidx.store.place import (
-    check_writable,
-    gone_if_empty,
-    make_folder,
-    sweep,
-    unmake_folder,
-)
+from mocapidx.store.place import check_writable, gone_if_empty, sweep, unmake_folder
 from mocapidx.store.read import Snapshot, read_manifest
 
 __all__ = ["Batch", "StoreSettings", "Writer", "check_writable", "writing"]

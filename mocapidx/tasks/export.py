@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from mocapidx.durable import durable_replace
+from mocapidx.durable import durable_replace, make_folder
 from mocapidx.errors import FormatError, Interrupted, ParameterError
 from mocapidx.printable import count, shown
 from mocapidx.tasks.clips import ClipFormat, ClipSource, open_source
@@ -15,7 +15,7 @@ from mocapidx.tasks.origins import Origin, find_origins
 from mocapidx.tasks.prepare import Refused
 from mocapidx.tasks.read import ReadOptions
 from mocapidx.tasks.records import Record
-from mocapidx.tasks.safe_names import check_targets, document_stem, make_folder, slug
+from mocapidx.tasks.safe_names import check_place, check_targets, document_stem, slug
 
 __all__ = ["SIDECAR", "ExportOptions", "Exported", "export_clips"]
 
@@ -115,6 +115,7 @@ def export_clips(
     """
     options = options or ExportOptions()
     folder = Path(folder)
+    check_place(folder)
     hits = _numbered(read_found(Path(records)), options.top)
     origins = find_origins(
         (hit.document for _, hit in hits), options.stores, options.roots, options.read

@@ -8,10 +8,10 @@ from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 from typing import Final
 
-from mocapidx.errors import ParameterError
+from mocapidx.errors import ParameterError, WriteError
 from mocapidx.printable import shown
 
-__all__ = ["check_targets", "document_stem", "make_folder", "slug"]
+__all__ = ["check_place", "check_targets", "document_stem", "slug"]
 
 UNFIT: Final = re.compile(r"[^A-Za-z0-9]+")
 LONGEST: Final = 40  # characters of a name that a file name keeps
@@ -59,26 +59,26 @@ def document_stem(document: str) -> str:
     return f"{slug(PurePosixPath(document).stem) or 'document'}-{digest.hexdigest()}"
 
 
-def make_folder(folder: Path) -> None:
-    """Make the folder that results go to, if there is none; the one above must be there.
+def check_place(path: Path) -> None:
+    """Refuse a file or a folder that may not be written, before any work is done for it.
+
+    Parameters
+    ----------
+    path : Path
+        There or yet to be made; whether it can be, is found when it is written.
 
     Raises
     ------
-    ParameterError
-        If it can't be made, or is something else.
+    WriteError
+        If nothing may be made or changed where it is.
     """
-    try:
-        folder.mkdir(exist_ok=True)
-    except OSError as exc:
-        if isinstance(exc, FileExistsError):
-            raise ParameterError(f"{shown(folder, None)}: is a file, expected a folder") from exc
-        if isinstance(exc, FileNotFoundError):
-            above = shown(folder.parent, None)
-            raise ParameterError(
-                f"{shown(folder, None)}: there is no folder {above}; make it first"
-            ) from exc
-        reason = (exc.strerror or "").lower()
-        raise ParameterError(f"{shown(folder, None)}: can't be made: {reason}") from exc
+    place = Path(os.path.realpath(path))
+    folder = place if place.is_dir() else place.parent
+    is_stream = place.exists() and not place.is_dir() and not place.is_file()
+    if folder.is_dir() and not is_stream and not os.access(folder, os.W_OK | os.X_OK):
+        raise WriteError(
+            f"{shown(path, None)}: may not be written; see to its permissions or its file system"
+        )
 
 
 def check_targets(paths: Iterable[Path], force: bool) -> None:

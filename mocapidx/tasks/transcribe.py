@@ -4,14 +4,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from mocapidx.durable import durable_replace
+from mocapidx.durable import durable_replace, make_folder
 from mocapidx.errors import ParameterError
 from mocapidx.printable import count, shown
 from mocapidx.store.read import open_store
 from mocapidx.tasks.document_names import DocumentNames
 from mocapidx.tasks.found import Found, read_found
 from mocapidx.tasks.records import render_records
-from mocapidx.tasks.safe_names import check_targets, document_stem, make_folder
+from mocapidx.tasks.safe_names import check_place, check_targets, document_stem
 from mocapidx.transcripts.babel import babel_text
 from mocapidx.transcripts.kinds import KINDS
 from mocapidx.transcripts.spans import Span, Transcript
@@ -56,6 +56,7 @@ def export_transcripts(
     FormatError, ParameterError, StoreError, WriteError
     """
     output = Path(output)
+    check_place(output)
     written = transcribe(records, to, stores)
     kind = KINDS.get(to)
     if kind is None or kind.write is None or _is_file(output, kind.suffix):

@@ -1,9 +1,12 @@
 import os
+import shutil
 
 import pytest
 
+from tests.faults.attack import Attack
 from tests.faults.faulting import Faulting, build_library
-from tests.faults.world import make_world
+from tests.faults.killing import Course, Warm, make_archive
+from tests.faults.world import WRITERS, make_world
 
 
 @pytest.fixture(scope="session")
@@ -24,7 +27,28 @@ def faulting(tmp_path_factory):
     found.close()
 
 
+@pytest.fixture(scope="session")
+def course(fixtures_dir, tmp_path_factory):
+    """Make a `Course` from its name."""
+    work = tmp_path_factory.mktemp("courses")
+    warm = Warm(work)
+    archive = make_archive(work / "archive", fixtures_dir, warm)
+    pristine = shutil.copytree(archive, work / "pristine")
+    yield lambda name, *rest, **more: Course(name, archive, pristine, warm, *rest, **more)
+    warm.close()
+
+
 @pytest.fixture
 def is_full():
     """Whether everything is tried, or as much as takes seconds."""
     return os.environ.get("TORTURE", "short") == "full"
+
+
+@pytest.fixture
+def attacked(pristine, faulting, tmp_path):
+    """Make the attack on a command."""
+
+    def make(name):
+        return Attack(WRITERS[name], pristine, faulting, tmp_path / "world")
+
+    return make

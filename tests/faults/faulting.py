@@ -45,8 +45,9 @@ class Faulting:
             text=True,
         )
 
-    def run(self, world, words, kind="none", point=-1):
-        self.process.stdin.write(json.dumps([str(world), words, kind, point]) + "\n")
+    def run(self, world, words, kind="none", point=-1, synced=""):
+        job = [str(world), words, kind, point, str(synced)]
+        self.process.stdin.write(json.dumps(job) + "\n")
         self.process.stdin.flush()
         return Ending(*json.loads(self.process.stdout.readline()))
 

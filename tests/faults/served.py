@@ -2,9 +2,9 @@
 
 The library of `faultpoints.c` is loaded before this process, which imports what the commands need
 and forks a copy of itself for each job, so that a run costs what the command itself costs. A job
-is a line of the standard input, the folder of the world, the words of the command line, the kind
-of fault and the call that meets it; the answer is a line of the standard output. What the command
-itself prints goes to the files `out` and `err` in WORK.
+is a line of the standard input: the folder of the world, the words of the command line, the kind
+of fault, the call that meets it, and the folder for what is synced, or "". The answer is a line of
+the standard output. What the command itself prints goes to the files `out` and `err` in WORK.
 """
 
 import ctypes
@@ -25,9 +25,11 @@ KINDS = ("none", "kill", "torn", "full", "broken", "interrupted", "short")
 def serve(work):
     library = ctypes.CDLL(None)
     library.faultpoints_calls.restype = ctypes.c_long
-    library.faultpoints_name.restype = ctypes.c_char_p
-    library.faultpoints_name.argtypes = [ctypes.c_long]
-    library.faultpoints_arm.argtypes = [ctypes.c_char_p, ctypes.c_int, ctypes.c_long]
+    library.faultpoints_line.restype = ctypes.c_char_p
+    library.faultpoints_line.argtypes = [ctypes.c_long]
+    library.faultpoints_arm.argtypes = [
+        ctypes.c_char_p, ctypes.c_int, ctypes.c_long, ctypes.c_char_p,
+    ]  # fmt: skip
     for name, _ in COMMANDS.values():
         importlib.import_module(f"cli.{name.partition(':')[0]}")
     for path in Path(mocapidx.tasks.__file__).parent.glob("*.py"):
@@ -35,23 +37,19 @@ def serve(work):
             importlib.import_module(f"mocapidx.tasks.{path.stem}")
     gc.freeze()
     for line in sys.stdin:
-        world, words, kind, point = json.loads(line)
+        world, words, kind, point, synced = json.loads(line)
         child = os.fork()
         if not child:
-            run(library, work, world, words, KINDS.index(kind), point)
+            run(library, work, world, words, (KINDS.index(kind), point, os.fsencode(synced)))
         code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
         calls = library.faultpoints_calls()
-        names = [library.faultpoints_name(n).decode(errors="replace") for n in range(calls)]
-        answer = [code, names, read(work / "err")]
+        lines = [library.faultpoints_line(number).decode() for number in range(calls)]
+        answer = [code, lines, (work / "err").read_text(errors="replace")]
         sys.stdout.write(json.dumps(answer) + "\n")
         sys.stdout.flush()
 
 
-def read(path):
-    return path.read_text(errors="replace")
-
-
-def run(library, work, world, words, kind, point):
+def run(library, work, world, words, fault):
     """Be the program, until it ends."""
     code = 99
     try:
@@ -63,7 +61,7 @@ def run(library, work, world, words, kind, point):
             os.dup2(file, place)
         sys.stdin, sys.stdout, sys.stderr = (os.fdopen(n, m) for n, m in enumerate("rww"))
         sys.argv = ["mocapidx", *words]
-        library.faultpoints_arm(os.fsencode(world), kind, point)
+        library.faultpoints_arm(os.fsencode(world), *fault)
         main()
     except SystemExit as exc:
         code = exc.code or 0

@@ -83,7 +83,9 @@ WRITERS = {
         Writer("repair-index", "verify bad-index.store --repair", ("bad-index.store",)),
         Writer("repair-motion", "verify bad-motion.store --repair", ("bad-motion.store",), code=4),
         Writer(
-            "measure", "query one.store --example squat/1.bvh --select auto", ("one.store/SIGMA",)
+            "measure",
+            "query many.store --example 0-0.bvh --select auto",
+            ("many.store/SIGMA",),
         ),
         Writer("web-new", "web build arms.store --output new.web --jobs 1", ("new.web",)),
         Writer("web-more", "web build arms.store --output arms.web --jobs 1", ("arms.web",)),
@@ -202,7 +204,9 @@ def make_grown(world):
     for number in range(20):
         copied = world / f"takes{number}"
         copied.mkdir()
-        shutil.copy(takes[number % len(takes)], copied / f"{number}.bvh")
+        for copy_number in range(3):  # enough documents in all for the store's own spread
+            take = takes[(number + copy_number) % len(takes)]
+            shutil.copy(take, copied / f"{number}-{copy_number}.bvh")
         index_files([copied], many)
         shutil.rmtree(copied)
     with open_store(many) as snapshot:

@@ -1,0 +1,50 @@
+"""The power fails after each call of each writing command, on a disk that keeps what was synced."""
+
+import random
+
+import pytest
+
+from tests.faults.disk import Disk
+from tests.faults.faulting import tree_of
+from tests.faults.world import WRITERS
+
+FEW = 4  # cuts of each command in a short run
+CHANCES = 3  # of the changes of names that may have reached the disk
+
+
+def kept_of(pending, rng):
+    """Parts of the changes that may have reached the disk: none, all, some that came in order."""
+    kept = [[], list(pending)]
+    for _ in range(CHANCES if len(pending) > 1 else 0):
+        kept.append(pending[: rng.randrange(1, len(pending))])
+        kept.append([change for change in pending if rng.random() < 0.5])
+    return kept
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_the_power_fails_at_any_moment(name, attacked, is_full, reported, pristine, tmp_path):
+    attack, rng, tried, wrong = attacked(name), random.Random(name), set(), []
+    synced = tmp_path / "synced"
+    synced.mkdir()
+    attack.lay_out()
+    done = attack.run(synced=synced)
+    assert done.code == attack.writer.code, done.said
+    disk, last = Disk.of(pristine), len(done.calls)
+    cuts = range(last + 1) if is_full else {*rng.sample(range(last), min(FEW, last)), last}
+    for cut in range(last + 1):
+        if cut:
+            disk.follow(done.calls[cut - 1], synced / str(cut - 1))
+        for kept in kept_of(disk.pending, rng) if cut in cuts else ():
+            for lost in (b"", b"lost"):
+                disk.lay_out(attack.world, kept, lost)
+                tree = frozenset(tree_of(attack.world).items())
+                if tree in tried and cut < last:
+                    continue
+                tried.add(tree)
+                try:
+                    assert attack.is_done() or cut < last, "what was done is lost"
+                    attack.judge_left(is_killed=True)
+                except AssertionError as exc:
+                    wrong.append(f"after {done.calls[:cut][-1:]}, {kept}: {exc}")
+    reported(f"power cuts {name}", len(tried), len(wrong))
+    assert not wrong, f"{len(wrong)} of {len(tried)}:\n" + "\n".join(wrong[:5])
