@@ -175,4 +175,11 @@ def main() -> NoReturn:
         leave(run(debug="--debug" in before))
     except (Interrupted, KeyboardInterrupt) as exc:
         number = exc.signal_number if isinstance(exc, Interrupted) else signal.SIGINT
-        fail(str(exc) or "interrupted; nothing was written", 128 + number)
+        fail(str(exc) or farewell(), 128 + number)
+
+
+def farewell() -> str:
+    """Say what a stop leaves, for a command that has not said it."""
+    from mocapidx.durable import has_written
+
+    return f"interrupted; {'what was written is whole' if has_written() else 'nothing was written'}"

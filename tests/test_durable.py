@@ -147,6 +147,24 @@ def test_whatever_stops_it_the_temporary_file_goes(target, stop):
     assert names(target.parent) == ["out.txt"]
 
 
+@pytest.mark.parametrize(("module", "call"), [(os, "open"), (fcntl, "flock"), (os, "fstat")])
+def test_a_stop_right_after_a_call_leaves_no_temporary_file(target, monkeypatch, module, call):
+    real = getattr(module, call)
+
+    def stopped(*args, **options):
+        done = real(*args, **options)
+        if names(target.parent) != ["out.txt"]:
+            monkeypatch.undo()
+            raise KeyboardInterrupt(done)
+        return done
+
+    monkeypatch.setattr(module, call, stopped)
+    with pytest.raises(KeyboardInterrupt):
+        durable_replace(target, b"after")
+    assert target.read_bytes() == b"before"
+    assert names(target.parent) == ["out.txt"]
+
+
 @pytest.mark.parametrize("number", [errno.EACCES, errno.EROFS, errno.EPERM])
 def test_a_place_that_may_not_be_written_is_a_write_error(target, monkeypatch, number):
     monkeypatch.setattr(os, "open", failing(number, "Read-only file system"))

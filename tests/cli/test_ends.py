@@ -92,6 +92,22 @@ def test_a_stop_while_the_program_is_loaded_is_one_line(tmp_path):
     assert done.stderr == "Error: interrupted; nothing was written\n"
 
 
+def test_a_stop_after_a_file_was_written_does_not_deny_it(tmp_path):
+    done = run(
+        "import os, pathlib\n"
+        "from mocapidx.durable import durable_replace\n"
+        "from mocapidx_cli import main, group\n"
+        "def writing(**_):\n"
+        f"    durable_replace(pathlib.Path({str(tmp_path / 'out')!r}), b'all')\n"
+        "    os.kill(os.getpid(), 15)\n"
+        "group.mocapidx.main = writing\n"
+        "main.main()\n"
+    )
+    assert done.returncode == 128 + signal.SIGTERM
+    assert done.stderr == "Error: interrupted; what was written is whole\n"
+    assert (tmp_path / "out").read_bytes() == b"all"
+
+
 def test_a_stop_that_a_library_makes_another_error_of_is_still_a_stop():
     done = run(
         "import os, sys\n"
