@@ -49,6 +49,8 @@ class Writer:
         What to add to the arguments when the command is run after it was stopped.
     code : int
         Its exit code when all goes well.
+    is_optional : bool
+        It goes without what can't be written.
     """
 
     name: str
@@ -56,6 +58,7 @@ class Writer:
     writes: tuple[str, ...]
     again: str = ""
     code: int = 0
+    is_optional: bool = False
 
     def words(self, *, again=False):
         """The command line, but for the program."""
@@ -86,6 +89,7 @@ WRITERS = {
             "measure",
             "query many.store --example 0-0.bvh --select auto",
             ("many.store/SIGMA",),
+            is_optional=True,
         ),
         Writer("web-new", "web build arms.store --output new.web --jobs 1", ("new.web",)),
         Writer("web-more", "web build arms.store --output arms.web --jobs 1", ("arms.web",)),
