@@ -25,6 +25,7 @@ __all__ = [
     "Chunk",
     "durable_replace",
     "has_written",
+    "make_folder",
     "replace_file",
     "sync_folder",
     "write_error",
@@ -129,6 +130,40 @@ def replace_file(path: Path, chunks: Chunk | Iterable[Chunk]) -> None:
             raise
     finally:
         os.close(descriptor)
+
+
+def make_folder(path: Path) -> bool:
+    """Make a folder where there is none; after a return it is on disk.
+
+    Parameters
+    ----------
+    path : Path
+        The folder; the one above it must be there.
+
+    Returns
+    -------
+    bool
+        Whether it was not there before.
+
+    Raises
+    ------
+    WriteError
+        If it can't be made.
+    ParameterError
+        If the folder above isn't there, or a file has this name.
+    """
+    try:
+        path.mkdir()
+        sync_folder(path.parent)
+    except FileExistsError as exc:
+        if not path.is_dir():
+            raise ParameterError(f"{path}: is a file, expected a folder") from exc
+        return False
+    except OSError as exc:
+        raise write_error(
+            exc, path, subject=str(path), needed=None, unchanged="nothing was made"
+        ) from exc
+    return True
 
 
 def has_written() -> bool:
