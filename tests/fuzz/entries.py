@@ -225,7 +225,10 @@ def scanned_frames(data, folder):
     assert ends == lines.count(b"\n", 0, at)
 
 
-NUMBERS = "0 1 -1 -0 1e999 1e-320 nan -inf 1_0 0x10 9007199254740993 1.5e-015 99999999"
+NUMBERS = (
+    "0 1 -1 -0 1e999 1e-320 nan -inf 1_0 0x10 9007199254740993 1.5e-015 99999999 1e22 1e-23 "
+    "18446744073709551617 98765432109876543210987 .0000000000000000000000000000001"
+)
 
 ENTRIES = {
     "scanner": Entry((scanned_rows, scanned_frames), "root thigh a"),
