@@ -10,6 +10,7 @@ import logging
 import os
 import re
 import socket
+import time
 import warnings
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
@@ -39,6 +40,9 @@ MOST_ITEMS: Final = 64
 CONNECT_SECONDS: Final = 10
 PATIENCE: Final = 30
 """Seconds without a result after which we look whether there is any worker left."""
+
+LOOK_SECONDS: Final = 2.0
+"""Seconds after which we look how many threads there are: queues start workers one by one."""
 
 SETTINGS: Final = {
     "distributed.comm.timeouts.connect": f"{CONNECT_SECONDS}s",
@@ -191,9 +195,13 @@ def _results(
     """Yield the results in the order of the items."""
     tasks = _together(items)
     waiting: deque[tuple[Any, Sequence[Any]]] = deque()
-    room = AHEAD * max(sum(client.nthreads().values()), 1)
+    room, looked = 0, -LOOK_SECONDS
     try:
         while True:
+            if time.monotonic() - looked >= LOOK_SECONDS:  # workers come and go
+                with _explained(scheduler, waiting):
+                    room = AHEAD * max(sum(client.nthreads().values()), 1)
+                looked = time.monotonic()
             while len(waiting) < room and (group := next(tasks, None)) is not None:
                 with _explained(scheduler):
                     task = client.submit(_work, _own_version(), function, group, pure=False)

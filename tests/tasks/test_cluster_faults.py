@@ -279,6 +279,40 @@ def test_a_file_that_only_the_client_sees_is_told(map_fn, tmp_path):
     assert len(list(map_fn(repr, [SeenHere(take, os.getpid())]))) == 1
 
 
+def test_workers_that_join_later_get_work_too(monkeypatch):
+    class Task:
+        def __init__(self, group):
+            self.group = group
+
+        def result(self, timeout):
+            under_way.remove(self)
+            return [adapter._Answer(True, item) for item in self.group]
+
+    class Client:
+        threads = 1
+
+        def nthreads(self):
+            return {"tcp://one:1": self.threads}
+
+        def submit(self, work, version, function, group, pure):
+            under_way.append(Task(group))
+            return under_way[-1]
+
+        def cancel(self, tasks, force):
+            pass
+
+    monkeypatch.setattr(adapter, "LOOK_SECONDS", 0.0)
+    client, under_way = Client(), []
+    results = adapter._results(client, "tcp://head:8786", abs, range(1000))
+    assert next(results) == 0
+    assert len(under_way) == adapter.AHEAD - 1
+    client.threads = 16
+    assert next(results) == 1
+    assert len(under_way) == 16 * adapter.AHEAD - 1
+    client.threads = 1
+    assert list(results) == list(range(2, 1000))
+
+
 def test_waiting_for_workers_that_are_all_gone_ends():
     class Task:
         def result(self, timeout):
