@@ -19,15 +19,17 @@ from pathlib import Path
 from tests.fuzz.entries import CORPUS, ENTRIES, NUMBERS
 
 ROOT = Path(__file__).parents[2]
+HEADER = ("entry", "seconds", "executions", "edges", "features", "findings")
 PROGRESS = re.compile(r"^#(\d+)\s+\w+\s+cov: (\d+) ft: (\d+)", re.M)
 # Short histories of what was set free: else most of the time goes into them.
 SANITIZERS = (
     "detect_leaks=0:alloc_dealloc_mismatch=0:malloc_context_size=2:quarantine_size_mb=1"
-    ":thread_local_quarantine_size_kb=64:handle_segv=1"
+    ":thread_local_quarantine_size_kb=64"
 )
 KEPT = "Test unit written to"
 MOST_ENDS = 20  # of the process, where files end it
-LIMITS = ("-timeout=10", "-rss_limit_mb=2048", "-malloc_limit_mb=512", "-detect_leaks=0")
+# Of time by the clock, and the machine may be busy: what is slow `tests.fuzz.watched` finds.
+LIMITS = ("-timeout=100", "-rss_limit_mb=2048", "-malloc_limit_mb=512", "-detect_leaks=0")
 LONGEST = 4096  # bytes of a file
 
 
@@ -38,13 +40,14 @@ def main():
     if arguments.kernels and not list(arguments.kernels.glob("mocapidx/kernels/_text.*")):
         sys.exit(f"{arguments.kernels}: no kernels here; 'make fuzz' builds them")
     failed = False
+    print(*HEADER, sep="\t", flush=True)
     for name in arguments.entry or ENTRIES:
         place = arguments.work / name
         if arguments.keep:
             keep_few(name, place, arguments.kernels)
             continue
         row = fuzz(name, place, arguments.kernels, arguments.seconds)
-        print("\t".join(map(str, row)), flush=True)
+        print(*row, sep="\t", flush=True)
         if arguments.report:
             with arguments.report.open("a") as file:
                 print(*row, sep="\t", file=file)
@@ -54,7 +57,7 @@ def main():
 
 def parsed():
     parser = argparse.ArgumentParser(description="Fuzz readers of files, guided by coverage.")
-    parser.add_argument("entry", nargs="*", choices=[*ENTRIES, []], help="default: all, in turn")
+    parser.add_argument("entry", nargs="*", help=f"of {', '.join(ENTRIES)}; default: all, in turn")
     parser.add_argument("--seconds", type=int, default=60, help="for each")
     parser.add_argument("--kernels", type=Path, help="folder of a package that has sanitizers")
     parser.add_argument("--work", type=Path, default=ROOT / "build/fuzz", help="folder to work in")
@@ -63,11 +66,15 @@ def parsed():
         "--keep", action="store_true",
         help="fuzz nothing; keep the fewest files that reach all that is reached until now",
     )  # fmt: skip
-    return parser.parse_args()
+    arguments = parser.parse_args()
+    for name in arguments.entry:
+        if name not in ENTRIES:
+            parser.error(f"no such entry: {name}; there are {', '.join(ENTRIES)}")
+    return arguments
 
 
 def fuzz(name, place, kernels, seconds):
-    """Fuzz for so many seconds; give a row: name, seconds, executions, edges, features, findings.
+    """Fuzz for so many seconds; give a row as `HEADER` has it.
 
     What ends the process does not end the run.
     """

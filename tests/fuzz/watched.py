@@ -12,6 +12,7 @@ import shlex
 import shutil
 import sys
 import tempfile
+import time
 import traceback
 import warnings
 from pathlib import Path
@@ -19,6 +20,8 @@ from pathlib import Path
 import atheris
 
 MEMORY = Path("/dev/shm")  # files are written and read thousands of times a second
+
+SECONDS = 3  # of the processor, with sanitizers
 
 
 def main():
@@ -28,8 +31,11 @@ def main():
     work = Path(tempfile.mkdtemp(dir=MEMORY if MEMORY.is_dir() else None))
 
     def try_one(data):
+        begin = time.process_time()
         try:
             judge(name, data, work)
+            spent = time.process_time() - begin
+            assert spent < SECONDS, f"{spent:.1f} s"
         except Exception as exc:
             keep(found, data, exc)
 
