@@ -2,7 +2,8 @@
 # make test   set everything up and pass all checks and tests
 # make torture   attack every reader and every store with damaged and hostile files, for hours;
 #   TORTURE=short make torture   as many as make test does, TORTURE=1000 make torture   1000 of each
-# make fuzz   let libFuzzer look for files that break a reader, FUZZ_SECONDS=3600 for each kind
+# make fuzz   let libFuzzer look for files that break a reader, for an hour each;
+#   FUZZ='bvh amc' FUZZ_SECONDS=60 make fuzz   these readers only, for a minute each
 # make sanitize   test the C kernels and the readers with sanitizers of memory and behaviour
 # The rest:   dev kernels tests lint types check bench bench-quick fixtures three pictures docs clean
 
@@ -48,7 +49,7 @@ fuzz: $(VENV)/.fuzz
 	CC=$(CLANG) KERNEL_FLAGS="-g -fsanitize=address,undefined,fuzzer-no-link -fno-sanitize-recover=all" \
 	  $(BIN)/python setup.py --quiet build_ext --force \
 	  --build-lib $(FUZZED) --build-temp $(FUZZED)/objects
-	$(BIN)/python -m tests.fuzz.guided --seconds $(FUZZ_SECONDS) --kernels $(FUZZED) \
+	$(BIN)/python -m tests.fuzz.guided $(FUZZ) --seconds $(FUZZ_SECONDS) --kernels $(FUZZED) \
 	  --report $(WORK)/fuzz.tsv
 
 # The program that the tests start finds the same package by PYTHONPATH. Without the library of C++
