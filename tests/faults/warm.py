@@ -136,26 +136,38 @@ def be_program(work, job, ready):
     try:
         os.setsid()
         os.chdir(job["world"])
-        nothing = os.open(os.devnull, os.O_RDWR)
-        err = os.open(work / "err", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
         acks = os.open(work / "acks", os.O_WRONLY | os.O_APPEND)
-        for place, file in enumerate((nothing, nothing, err)):
-            os.dup2(file, place)
-        sys.stdin, sys.stdout, sys.stderr = (os.fdopen(n, m) for n, m in enumerate("rww"))
-        sys.argv = ["mocapidx", *job["words"]]
+        take_streams(os.devnull, work / "err")
         acknowledge(functools.partial(tell, acks, job["kept"]))
         os.write(ready, b".")
+        code = main_code(job["words"])
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        sys.stderr.flush()
+        os._exit(code)
+
+
+def take_streams(out, err):
+    """Let files be the standard streams of this process."""
+    writing = os.O_WRONLY | os.O_CREAT | os.O_TRUNC
+    files = (os.open(os.devnull, os.O_RDONLY), os.open(out, writing), os.open(err, writing))
+    for place, file in enumerate(files):
+        os.dup2(file, place)
+    sys.stdin, sys.stdout, sys.stderr = (os.fdopen(n, m) for n, m in enumerate("rww"))
+
+
+def main_code(words):
+    """Be the program, and give its exit code."""
+    sys.argv, code = ["mocapidx", *words], 99
+    try:
         try:
             main()
         except SystemExit as exc:
             code = exc.code or 0
     except Interrupted:
         pass  # the program had ended; what is left of it here is ours
-    except BaseException:
-        traceback.print_exc()
-    finally:
-        sys.stderr.flush()
-        os._exit(code)
+    return code
 
 
 def watch(child, job):
