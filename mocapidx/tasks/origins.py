@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
-from typing import get_args
+from typing import Final, get_args
 
 from mocapidx.errors import FormatError, ParameterError
 from mocapidx.formats.registry import is_motion_file, sources_of
@@ -20,6 +20,8 @@ from mocapidx.tasks.read import ReadOptions
 from mocapidx.tasks.stored import source_skeleton
 
 __all__ = ["Origin", "find_origins"]
+
+LARGEST_UNIT: Final = 1e6  # metres
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,8 +134,9 @@ def _as_indexed(document: Document, options: ReadOptions) -> ReadOptions:
     said: dict[str, object] = {"skeleton": skeleton}
     if options.source_rate is None:
         said["source_rate"] = document.source_rate
-    if options.unit is None and isinstance(rig.get("unit"), float | int):
-        said["unit"] = float(rig["unit"])
+    unit = rig.get("unit")
+    if options.unit is None and isinstance(unit, float | int) and 0 < unit < LARGEST_UNIT:
+        said["unit"] = float(unit)
     if options.up is None and rig.get("up") in get_args(Up):
         said["up"] = rig["up"]
     if options.root_positions is None and rig.get("root_positions") in get_args(RootPositions):

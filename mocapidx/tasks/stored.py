@@ -146,7 +146,9 @@ def stored_motion(store: Snapshot, placed: Placed) -> Motion:
         stored_poses(store, placed),
         store.manifest.settings.rate,
         _rest(placed.document),
-        tuple(made) if isinstance(made, list) else (),
+        tuple(joint for joint in made if joint in CANONICAL_JOINTS)
+        if isinstance(made, list)
+        else (),
     )
 
 

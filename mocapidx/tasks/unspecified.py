@@ -68,7 +68,7 @@ def unspecified_in(document: Document) -> Unspecified:
         return ()
     try:
         found = tuple((int(start), int(end), int(mask, 16) & WORD) for start, end, mask in rows)
-    except (TypeError, ValueError) as exc:
+    except (TypeError, ValueError, OverflowError) as exc:
         raise StoreError(f"{shown(document.name)}: its gaps are none; index it again") from exc
     before = 0
     for start, end, _ in found:

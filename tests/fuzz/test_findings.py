@@ -22,11 +22,13 @@ from mocapidx.tasks.label_files import Label, LabelFile
 from mocapidx.tasks.query import query_store
 from mocapidx.tasks.stored import stored_motion, stored_poses
 from mocapidx.tasks.template import shown_template
+from mocapidx.tasks.unspecified import unspecified_in
 from mocapidx.tasks.web import build_web, web_info
 from mocapidx.templates.file import load_templates
 from tests.fuzz.forging import forge_digests, tree_of, with_index, with_tree
 from tests.fuzz.seeds import put
 from tests.fuzz.text_readers import F39
+from tests.fuzz.using import COMMANDS, Asked
 from tests.made_points import c3d_bytes
 
 
@@ -140,6 +142,29 @@ def test_a_zero_pose_that_is_none_is_damage(store, value):
         placed = next(iter(snapshot.files[0].placed()))
         with pytest.raises(StoreError, match="its zero pose is none"):
             stored_motion(snapshot, placed)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("made", [[]]), ("made", {"a": 1}), ("made", [1, "x"]), ("unit", 10**400), ("unit", -1)],
+    ids=["list", "object", "number", "endless", "negative"],
+)
+def test_odd_facts_of_a_skeleton_say_nothing(seeds, tmp_path, key, value):
+    shutil.copytree(seeds / "forged-used.beside", tmp_path, dirs_exist_ok=True)
+    store, folder = tmp_path / "take.store", tmp_path / "results"
+    with_tree(lambda tree: [rig.__setitem__(key, value) for rig in tree["rigs"]])(store)
+    with open_store(store) as snapshot:
+        names = [placed.document.name for placed in snapshot.documents()]
+    for command in ("features check", "reindex", "web build, match", "report", "export"):
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir()
+        COMMANDS[command](Asked(store, names, folder))
+
+
+def test_gaps_without_end_are_damage(store):
+    document = read_manifest(store).files[0].documents[0]
+    with pytest.raises(StoreError, match="its gaps are none"):
+        unspecified_in(replace(document, rig={"unspecified": [[0, float("inf"), "1"]]}))
 
 
 def asked(store, name):
