@@ -54,10 +54,12 @@ class NewFile(click.Path):
         super().__init__(dir_okay=False, path_type=Path, allow_dash=allow_dash)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Take the path, and refuse one in a folder that is not there."""
+        """Take the path, and refuse one in a folder that is not there or may not be written."""
+        from mocapidx.tasks.safe_names import check_place
+
         path = Path(os.fsdecode(super().convert(value, param, ctx)))
-        if not path.parent.is_dir():
-            self.fail(f"{path}: there is no folder {path.parent}; make it first", param, ctx)
+        if str(path) != "-":
+            check_place(path)
         return path
 
 

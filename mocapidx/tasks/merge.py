@@ -9,7 +9,7 @@ from mocapidx.errors import ParameterError, StoreError
 from mocapidx.printable import shown
 from mocapidx.store.manifest import Document, SegmentFile
 from mocapidx.store.read import Snapshot, open_store
-from mocapidx.store.write import writing
+from mocapidx.store.write import check_writable, writing
 
 __all__ = ["Merged", "merge_stores"]
 
@@ -69,6 +69,7 @@ def merge_stores(
     """
     if any(path.resolve() == output.resolve() for path in stores):
         raise ParameterError(f"{shown(output)}: is one of the stores to merge; give another one")
+    check_writable(output)
     with ExitStack() as open_stores:
         opened = [open_stores.enter_context(open_store(path)) for path in stores]
         settings = opened[0].manifest.settings

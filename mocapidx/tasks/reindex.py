@@ -94,6 +94,7 @@ def reindex_store(
     """
     started = time.perf_counter()
     old, store = Path(old), Path(store)
+    check_writable(store)
     wanted = load_feature_set(feature_set)
     if os.path.realpath(old) == os.path.realpath(store):
         raise ParameterError(f"{shown(store)}: a store has one feature set; give another --store")
@@ -104,7 +105,6 @@ def reindex_store(
                 f"{shown(old)}: keeps no poses, so features can't be computed again; index the "
                 "sources with --feature-set"
             )
-        check_writable(store)
         new = StoreSettings(settings.rate, wanted.name, wanted.digest, wanted.text, poses)
         with writing(
             store,

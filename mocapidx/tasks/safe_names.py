@@ -65,17 +65,22 @@ def check_place(path: Path) -> None:
     Parameters
     ----------
     path : Path
-        There or yet to be made; whether it can be, is found when it is written.
+        There or yet to be made.
 
     Raises
     ------
+    ParameterError
+        If there is no folder to make it in.
     WriteError
         If nothing may be made or changed where it is.
     """
     place = Path(os.path.realpath(path))
     folder = place if place.is_dir() else place.parent
+    if not folder.is_dir():
+        above = shown(folder if path.is_symlink() else path.parent, None)
+        raise ParameterError(f"{shown(path, None)}: there is no folder {above}; make it first")
     is_stream = place.exists() and not place.is_dir() and not place.is_file()
-    if folder.is_dir() and not is_stream and not os.access(folder, os.W_OK | os.X_OK):
+    if not is_stream and not os.access(folder, os.W_OK | os.X_OK):
         raise WriteError(
             f"{shown(path, None)}: may not be written; see to its permissions or its file system"
         )
