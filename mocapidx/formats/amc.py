@@ -15,7 +15,14 @@ from typing import Final
 import numpy as np
 
 from mocapidx.errors import FormatError
-from mocapidx.formats.amc_frames import FRAME_NUMBER, Layout, numbered_words, quoted, read_frames
+from mocapidx.formats.amc_frames import (
+    BLANKS,
+    FRAME_NUMBER,
+    Layout,
+    numbered_words,
+    quoted,
+    read_frames,
+)
 from mocapidx.formats.asf import Acclaim, read_asf
 from mocapidx.formats.numbers import parse_number
 from mocapidx.formats.table import FrameTable
@@ -148,9 +155,10 @@ def _read_header(path: Path, data: bytes) -> _Header | None:
     at = number = 0
     while at < len(data):
         end = data.find(b"\n", at)
-        words = data[at : end if end >= 0 else len(data)].split()
-        if words and FRAME_NUMBER.fullmatch(words[0]) and len(words) == 1:
+        line = data[at : end if end >= 0 else len(data)]
+        if FRAME_NUMBER.fullmatch(line.strip(BLANKS)):
             return _Header(degrees, rate, at, number)
+        words = line.split()
         at = end + 1 if end >= 0 else len(data)
         number += 1
         if not words or words[0].startswith(b"#"):

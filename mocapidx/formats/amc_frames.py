@@ -22,7 +22,7 @@ from mocapidx.kernels.choice import compiled
 from mocapidx.model import FloatArray, IndexArray
 from mocapidx.printable import shown
 
-__all__ = ["FRAME_NUMBER", "Layout", "numbered_words", "quoted", "read_frames"]
+__all__ = ["BLANKS", "FRAME_NUMBER", "Layout", "numbered_words", "quoted", "read_frames"]
 
 KEPT_LETTERS: Final = np.array([(1 << 8 * n) - 1 for n in range(9)], dtype=np.uint64)
 LARGE: Final = 1 << 24  # a block that is not cut into frames is no table
@@ -98,7 +98,8 @@ def read_frames(
     FormatError
         If a frame has not what the layout says.
     """
-    first = int(text.split(None, 1)[0])
+    _, (word,) = next(numbered_words(text, line + 1))
+    first = int(word)
     kernel = compiled("text")
     lengths = ([len(name) for name in layout.names], layout.counts)
     bounds = [np.cumsum([0, *each]) for each in lengths]

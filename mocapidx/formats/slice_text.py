@@ -14,10 +14,13 @@ from mocapidx.model import IndexArray
 
 __all__ = ["TextFrames", "amc_frames", "bvh_frames", "with_rate"]
 
-FRAMES: Final = re.compile(rb"(?im)^[ \t]*frames[ \t]*:[ \t]*(\+?[0-9]{1,18})[ \t\r]*$")
-ROW: Final = re.compile(rb"\S[^\n]*")
-KEYWORD: Final = re.compile(rb"(?m)^[ \t]*:")
-FRAME_LINE: Final = re.compile(rb"(?m)^[ \t]*([0-9]{1,15})(?=[ \t\r]*$)")
+# What readers take for blank in a line: some control characters, and between numbers all.
+FRAMES: Final = re.compile(rb"(?im)^[^\S\n]*frames[^\S\n]*:[^\S\n]*(\+?[0-9]{1,18})[^\S\n]*$")
+ROW: Final = re.compile(rb"[^\x00-\x20][^\n]*")
+KEYWORD: Final = re.compile(rb"(?m)^[^\S\n]*:")
+FRAME_LINE: Final = re.compile(
+    rb"(?m)^[\x00-\x09\x0b-\x20]*([0-9]{1,15})(?=[\x00-\x09\x0b-\x20]*$)"
+)
 
 
 @dataclass(frozen=True, slots=True)
