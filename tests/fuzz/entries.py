@@ -21,6 +21,7 @@ from mocapidx.formats.slice_text import amc_frames as frames_of_amc
 from mocapidx.formats.slice_text import bvh_frames
 from mocapidx.formats.text import Limits
 from mocapidx.kernels.choice import compiled
+from mocapidx.model import Recording
 from mocapidx.skeleton.joints import CANONICAL_JOINTS
 from tests.fuzz import text_readers
 from tests.small_files import AMC, ASF
@@ -156,16 +157,25 @@ def facts(value):
 
 
 def compare_stretches(take, skeleton, recording):
-    """The last frames of a file, cut out of it, are the last frames of the whole."""
-    numbers = recording.positions if take.suffix == ".c3d" else recording.values
-    frames = FRAMES[take.suffix](take, Limits())
-    assert len(frames) == len(numbers), (len(frames), len(numbers))
+    """What can be read can be cut, and the last frames cut out are the last of the whole."""
+    numbers = numbers_of(recording)
     middle = len(numbers) // 2
-    part = written(take.with_name(f"part{take.suffix}"), frames.cut(middle, len(numbers)))
-    cut = read_recording(part, skeleton_path=skeleton)
-    found = cut.positions if take.suffix == ".c3d" else cut.values
+    if not np.isfinite(numbers[middle:]).any():
+        middle = 0
+    try:
+        frames = FRAMES[take.suffix](take, Limits())
+        assert len(frames) == len(numbers), (len(frames), len(numbers))
+        part = written(take.with_name(f"part{take.suffix}"), frames.cut(middle, len(frames)))
+        cut = read_recording(part, skeleton_path=skeleton)
+    except MocapidxError as exc:
+        raise AssertionError(f"read, but not cut: {exc}") from exc
+    # A point that was seen before may not be seen any more, and is left out then.
     if take.suffix != ".c3d" or cut.names == recording.names:
-        np.testing.assert_array_equal(found, numbers[middle:])
+        np.testing.assert_array_equal(numbers_of(cut), numbers[middle:])
+
+
+def numbers_of(recording):
+    return recording.values if isinstance(recording, Recording) else recording.positions
 
 
 def text(place, *names):
@@ -249,6 +259,7 @@ ENTRIES = {
         (motion("take.bvh"),),
         "HIERARCHY ROOT JOINT End Site { } OFFSET CHANNELS Xposition Yposition Zposition Xrotation "
         "Yrotation Zrotation MOTION Frames: Frame Time:",
+        ("bvh",),
     ),
     "amc": Entry(
         (motion("take.amc", ("small.asf", ASF)),),
