@@ -52,9 +52,9 @@ class Writer:
     def __init__(self, path: Path, manifest: Manifest, handles: contextlib.ExitStack) -> None:
         self.path = path
         self.manifest = self._begun = manifest
-        self._handles = handles
         self._usable = True
-        self._snapshot = self._fresh()
+        self._snapshot = Snapshot(path, manifest)
+        handles.callback(lambda: self._snapshot.close())
 
     @property
     def settings(self) -> StoreSettings:
@@ -73,7 +73,7 @@ class Writer:
 
     @property
     def snapshot(self) -> Snapshot:
-        """The store as of the last commit; closed with the writer."""
+        """The store as of the last commit; closed by the next one, and with the writer."""
         return self._snapshot
 
     def commit(self, batch: Batch | None, remove: Collection[str] = ()) -> Snapshot:
@@ -221,7 +221,9 @@ class Writer:
                 "so the last documents may or may not be saved; running again is safe"
             ) from exc
         self.manifest, self._usable = manifest, True
-        self._snapshot = self._fresh()
+        # Kept, the manifests of all commits would fill the memory of a long run.
+        self._snapshot.close()
+        self._snapshot = Snapshot(self.path, manifest)
         return self._snapshot
 
     def _write_segment(self, batch: Batch, number: int) -> SegmentFile:
@@ -288,11 +290,6 @@ class Writer:
             raise write_error(
                 exc, self.path, subject=str(self.path), needed=sum(needed), unchanged=left
             ) from exc
-
-    def _fresh(self) -> Snapshot:
-        snapshot = Snapshot(self.path, self.manifest)
-        self._handles.callback(snapshot.close)
-        return snapshot
 
 
 @contextlib.contextmanager

@@ -1,9 +1,11 @@
 import errno
+import gc
 import os
 import re
 import resource
 import subprocess
 import sys
+import weakref
 
 import numpy as np
 import pytest
@@ -408,3 +410,11 @@ def test_a_stop_beside_the_last_rename_leaves_a_whole_store(store, monkeypatch, 
 def test_what_goes_wrong_in_the_body_is_no_trouble_of_the_store(store):
     with pytest.raises(FileNotFoundError), writing(store, command="test"):
         raise FileNotFoundError("walk.amc")
+
+
+def test_a_long_run_keeps_one_manifest_not_one_for_each_commit(tmp_path):
+    with writing(tmp_path / "takes.store", command="test", create=SETTINGS) as writer:
+        before = [weakref.ref(writer.commit(make_batch({f"{n}": 5}))) for n in range(5)]
+        gc.collect()
+        assert [snapshot() is not None for snapshot in before] == [False] * 4 + [True]
+        assert before[-1]() is writer.snapshot
