@@ -8,7 +8,7 @@ from tests.faults.disk import Disk
 from tests.faults.faulting import tree_of
 from tests.faults.world import WRITERS
 
-FEW = 4  # cuts of each command in a short run
+FEW = 2  # cuts of each command in a short run
 CHANCES = 3  # of the changes of names that may have reached the disk
 
 
