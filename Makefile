@@ -1,7 +1,8 @@
 # make demo   set everything up and run the main job on motion that the project generates
 # make test   set everything up and pass all checks and tests
-# make torture   attack every reader and every store with damaged and hostile files, for hours;
-#   TORTURE=short make torture   as many as make test does, TORTURE=1000 make torture   1000 of each
+# make torture   attack every reader and every store with damaged and hostile files, and every writing
+#   command with faults, for hours; TORTURE=short make torture   as many as make test does,
+#   TORTURE=1000 make torture   1000 of each
 # make fuzz   let libFuzzer look for files that break a reader, for an hour each;
 #   FUZZ='bvh amc' FUZZ_SECONDS=60 make fuzz   these readers only, for a minute each
 # make sanitize   test the C kernels and the readers with sanitizers of memory and behaviour
@@ -15,7 +16,7 @@ SANITIZED := $(WORK)/sanitized
 FUZZED := $(WORK)/fuzzed
 FUZZ_SECONDS ?= 3600
 CLANG ?= clang
-TORTURED := tests/fuzz
+TORTURED := tests/fuzz tests/faults
 QUICK := test_a_megabyte_of_nonsense_takes_neither_time_nor_memory
 BUILT_FROM := pyproject.toml setup.py $(wildcard mocapidx/kernels/*.[ch])
 
@@ -34,8 +35,8 @@ torture: $(VENV)/.test
 	mkdir -p $(WORK)
 	rm -f $(WORK)/torture.tsv
 	TORTURE=$${TORTURE:-full} TORTURE_REPORT="$(CURDIR)/$(WORK)/torture.tsv" \
-	  $(BIN)/python -m pytest -q -p no:cacheprovider $(TORTURED); \
-	  code=$$?; cat $(WORK)/torture.tsv; exit $$code
+	  $(BIN)/python -m pytest -q -p no:cacheprovider -n auto --maxschedchunk=1 $(TORTURED); \
+	  code=$$?; $(BIN)/python -m tests.tried $(WORK)/torture.tsv; exit $$code
 
 # libFuzzer counts the branches of the kernels too, and sanitizers watch them; for that they are built
 # by clang. What was done and found stands in a table afterwards, what was found below build/fuzz.

@@ -65,6 +65,6 @@ def reported():
         if table:
             seconds = time.monotonic() - begin
             with Path(table).open("a") as file:
-                file.write(f"{kind}\t{tried}\t{wrong}\t{seconds:.0f} s\n")
+                file.write(f"{kind}\t{tried}\t{wrong}\t{seconds:.0f}\n")
 
     return report
