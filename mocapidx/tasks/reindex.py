@@ -154,7 +154,8 @@ def _fill(
         rig = keep_unspecified(
             {**entry.document.rig, UNTRUSTED: f"{told.untrusted:x}"}, told.unspecified
         )
-        positions = motion.positions.astype(np.float32, copy=False)
+        # A copy, since what was read is a part of a block, which would stay with it.
+        positions = np.array(motion.positions, dtype=np.float32)
         batch.append((replace(entry.document, rig=rig), words, positions))
         size += words.nbytes + positions.nbytes
         if size >= batch_bytes:

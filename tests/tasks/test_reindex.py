@@ -1,3 +1,4 @@
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -96,6 +97,17 @@ def test_small_batches_give_the_same_documents(old, tmp_path):
     reindex_store(old, tmp_path / "many.store", "f31", batch_bytes=1)
     one, many = contents(tmp_path / "one.store"), contents(tmp_path / "many.store")
     assert all((one[key][1] == many[key][1]).all() for key in one)
+
+
+def test_short_documents_that_wait_take_their_own_memory_alone(old, tmp_path):
+    """Each is read with a whole block of the file, and none of those may stay with it."""
+    size = sum(file.stat().st_size for file in (old / "segments").iterdir())
+    reindex_store(old, tmp_path / "once.store", "f31")  # what is loaded is no matter
+    tracemalloc.start()
+    reindex_store(old, tmp_path / "new.store", "f31")
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 16 * size
 
 
 def test_a_new_store_can_be_asked_for_its_own_features(old, tmp_path, motions):
