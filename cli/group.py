@@ -131,6 +131,10 @@ def run(debug: bool) -> int:
         if debug:
             raise
         fail(f"{place(exc)}{(exc.strerror or str(exc)).lower()}", WriteError.exit_code)
+    except MemoryError:
+        if debug:
+            raise
+        fail("out of memory; what is saved is whole; run again where there is more, or on less", 1)
     except Exception as exc:
         if debug:
             raise

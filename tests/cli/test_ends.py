@@ -108,6 +108,20 @@ def test_a_stop_after_a_file_was_written_does_not_deny_it(tmp_path):
     assert (tmp_path / "out").read_bytes() == b"all"
 
 
+def test_want_of_memory_is_one_line_in_plain_words():
+    done = run(
+        "from mocapidx_cli import main, group\n"
+        "def greedy(**_):\n"
+        "    bytearray(1 << 60)\n"
+        "group.mocapidx.main = greedy\n"
+        "main.main()\n"
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith("Error: out of memory")
+    assert done.stderr.endswith("run again where there is more, or on less\n")
+    assert done.stderr.count("\n") == 1
+
+
 def test_a_stop_that_a_library_makes_another_error_of_is_still_a_stop():
     done = run(
         "import os, sys\n"
