@@ -14,7 +14,7 @@ from mocapidx.errors import FormatError
 from mocapidx.printable import shown
 from mocapidx.tasks.bounded import read_at_most
 from mocapidx.transcripts.kinds import kind_of
-from mocapidx.transcripts.spans import Span
+from mocapidx.transcripts.spans import LATEST, Span
 
 __all__ = ["Found", "json_rows", "read_found", "unquoted"]
 
@@ -186,7 +186,7 @@ def _found(row: Mapping[str, Any], place: str) -> Found:
         if type(row[name]) is not str:
             raise FormatError(f"{place}: '{name}' is no text")
     start, end = (_number(row[name], name, place) for name in ("start_time", "end_time"))
-    if not 0 <= start < end:
+    if not 0 <= start < end <= LATEST:
         raise FormatError(f"{place}: goes from {start:g} s to {end:g} s")
     cost = _number(row.get("cost", 0.0), "cost", place)
     ranked = "rank" in row

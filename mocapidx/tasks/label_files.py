@@ -15,6 +15,7 @@ from mocapidx.printable import shown
 from mocapidx.tasks.bounded import read_at_most
 from mocapidx.tasks.found import json_rows, unquoted
 from mocapidx.transcripts.kinds import KINDS, kind_of
+from mocapidx.transcripts.spans import LATEST
 
 __all__ = ["Label", "LabelFile", "read_labels"]
 
@@ -203,8 +204,10 @@ def _time(text: str, name: str, where: str) -> float | None:
     if not text:
         return None
     value = float(text) if TIME.fullmatch(text) else math.nan
-    if not (math.isfinite(value) and value >= 0):
-        raise FormatError(f"{where}: {name} must be seconds from 0, found '{shown(text)}'")
+    if not 0 <= value <= LATEST:
+        raise FormatError(
+            f"{where}: {name} must be seconds from 0 to {LATEST:g}, found '{shown(text)}'"
+        )
     return value
 
 

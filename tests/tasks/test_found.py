@@ -68,6 +68,7 @@ GOOD = {"document": "a", "start_time": 0, "end_time": 1, "label": "x"}
         (json.dumps(GOOD | {"end_time": None}), "'end_time' is no number"),
         (json.dumps(GOOD | {"cost": float("nan")}), "'cost' is no number"),
         (json.dumps(GOOD | {"end_time": 0}), "goes from 0 s to 0 s"),
+        (json.dumps(GOOD | {"end_time": 1e306}), r"goes from 0 s to 1e\+306 s"),
         (json.dumps(GOOD | {"start_time": 10**400}), "'start_time' is no number"),
         ('{"a":' * 100_000, "not a JSON object"),
         ("rank  document\n1     a\n", ":1: neither JSON lines nor CSV of hits"),

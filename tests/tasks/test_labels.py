@@ -67,6 +67,7 @@ def test_other_columns_are_passed_over_and_named(tmp_path):
         ("document,label\n,x\n", "labels.csv:2: the document is empty"),
         ('document,label\n"a.amc,x\n', "labels.csv:2: not CSV"),
         ("document,label,start_time\na,x,-1\n", "labels.csv:2: start_time must be seconds"),
+        ("document,label,end_time\na,x,1e300\n", "labels.csv:2: end_time must be seconds"),
         ("document,label,start_time\na,x,nan\n", "labels.csv:2: start_time .* found 'nan'"),
         ("document,label,start_time\na,x,1_0\n", "labels.csv:2: start_time .* found '1_0'"),
         ("document,label,end_time\na,x,1e999\n", "labels.csv:2: end_time .* found '1e999'"),
