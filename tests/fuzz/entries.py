@@ -287,7 +287,7 @@ ENTRIES = {
         ("json",),
     ),
     "transcripts": Entry(
-        text("take.txt", "labels", "records"),
+        text("take.txt", "labels", "records", "told_again"),
         "WEBVTT --> 00:00:01.000 00:00:01,000 NOTE STYLE <v </v> &amp; &lt; <!DOCTYPE "
         'ANNOTATION_DOCUMENT TIME_ORDER TIME_SLOT_ID="a" TIME_VALUE="1" TIER TIER_ID="a" '
         "ALIGNABLE_ANNOTATION REF_ANNOTATION ANNOTATION_VALUE "
@@ -295,9 +295,10 @@ ENTRIES = {
         '"frame_ann" "seq_ann" "labels" "proc_label" "raw_label" "start_t" "end_t" "feat_p" null',
     ),
     "tables": Entry(
-        text("take.txt", "labels", "records"),
+        text("take.txt", "labels", "records", "told_again"),
         'document label start_time end_time group rank cost "document" "label" "start_time" '
         '"end_time" "rank" "cost" "source_start_frame" "source_end_frame" null true NaN , "" \'=',
+        ("records-jsonl",),
     ),
     "toml": Entry(
         text(

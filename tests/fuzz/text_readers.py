@@ -1,6 +1,7 @@
 """What is done to each kind of text that a person or another program writes; gives an answer."""
 
 import contextlib
+import re
 from functools import lru_cache
 
 import numpy as np
@@ -17,10 +18,14 @@ from mocapidx.tasks.found import read_found
 from mocapidx.tasks.label_files import read_labels
 from mocapidx.tasks.match_graphs import read_graph
 from mocapidx.tasks.settings import read_settings
+from mocapidx.tasks.transcribe import TRANSCRIPTS, transcribe
 from mocapidx.templates.designs import apply_design, parse_designs
 from mocapidx.templates.template import MotionTemplate, TemplateSet
 from mocapidx.toml_files import read_toml_text
+from mocapidx.transcripts.spans import LATEST
 
+# What no format writes in another way.
+PLAIN = re.compile('[a-z<>&"0-9-]+( [a-z<>&"0-9-]+)*')
 F39 = load_feature_set("f39")
 
 
@@ -74,6 +79,24 @@ def parameters(path):
 
 def records(path):
     return str(read_found(path))
+
+
+def told_again(path):
+    """What was found, written for each other program, is found again in what was written."""
+    found = read_found(path)
+    # The others have whole milliseconds, or a little more.
+    if any(each.end - each.start < 0.001 or each.end > LATEST - 1 for each in found):
+        return
+    for to in TRANSCRIPTS:
+        again = []
+        for number, data in enumerate(transcribe(path, to).values()):
+            written = path.with_name(f"{to}-{number}")
+            written.write_bytes(data)
+            again += read_found(written)
+        if all(PLAIN.fullmatch(each.label) for each in found):
+            assert sorted(e.label for e in again) == sorted(e.label for e in found), to
+        times, expected = (sorted((e.start, e.end) for e in each) for each in (again, found))
+        assert np.abs(np.subtract(times, expected)).max(initial=0) < 0.0011, to
 
 
 def labels(path):
