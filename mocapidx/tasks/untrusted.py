@@ -2,6 +2,11 @@
 
 import os
 import resource
+import select
+import signal
+from contextlib import suppress
+from functools import partial
+from types import FrameType
 from typing import Final
 
 from mocapidx.errors import Interrupted, StoreError
@@ -12,6 +17,9 @@ MEMORY: Final = 2 << 30
 """Bytes of address space."""
 SECONDS: Final = 600
 """Seconds of processor time."""
+PATIENCE: Final = 0.2
+"""Seconds in which the child hears of a signal that reaches both of us."""
+STOP_SIGNALS: Final = (signal.SIGTERM, signal.SIGHUP, signal.SIGINT)
 
 
 def in_limited_child(memory: int = MEMORY, seconds: int = SECONDS) -> int | None:
@@ -31,37 +39,55 @@ def in_limited_child(memory: int = MEMORY, seconds: int = SECONDS) -> int | None
     None
         In the child.
     int
-        In the parent: the child's exit code.
+        In the parent: the child's exit code; 4 where the child has said that something failed
+        that should not, such as a lack of memory.
 
     Raises
     ------
     StoreError
-        In the parent, if the child crashed, ran out of memory or out of time.
+        In the parent, if the child crashed or ran out of time.
     Interrupted
         In the parent, after the child got the same signal and ended.
     """
+    heard, hears = os.pipe()
+    os.set_blocking(hears, False)
     child = os.fork()
     if not child:
         resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
         resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        signal.set_wakeup_fd(hears, warn_on_full_buffer=False)
         return None
+    os.close(hears)
     try:
         code = _ending(child)
     except Interrupted as exc:
-        os.kill(child, exc.signal_number)
+        # Ctrl-C reaches us both; a second signal would end the child before it has cleaned up.
+        if not select.select([heard], [], [], PATIENCE)[0]:
+            os.kill(child, exc.signal_number)
+        for number in STOP_SIGNALS:
+            signal.signal(number, partial(_end_both, child))
         code = _ending(child)
         if code == 128 + exc.signal_number:  # the child has said what was done
             return code
         raise
-    if code < 0 or code == 1:
-        fate = "failed" if code == 1 else f"was ended by signal {-code}"
+    finally:
+        os.close(heard)
+    if code < 0:
         raise StoreError(
-            f"the process that was to read untrusted files {fate}: they are damaged, or need more "
-            f"than {memory >> 30} GiB of memory or {seconds} s; nothing was changed"
+            f"the process that was to read untrusted files was ended by signal {-code}: they are "
+            f"damaged, or need more than {memory >> 30} GiB of memory or {seconds} s; what was "
+            "saved is whole"
         )
-    return code
+    return StoreError.exit_code if code == 1 else code  # it has said why
 
 
 def _ending(child: int) -> int:
     return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+
+
+def _end_both(child: int, number: int, frame: FrameType | None) -> None:
+    """End at once, as after a second signal; nobody is left behind."""
+    with suppress(ProcessLookupError):
+        os.kill(child, signal.SIGKILL)
+    os._exit(128 + number)

@@ -2,11 +2,14 @@
 
 import os
 import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
 
 import pytest
 
-from mocapidx.errors import Interrupted, StoreError
-from mocapidx.tasks import untrusted
+from mocapidx.errors import StoreError
 from mocapidx.tasks.untrusted import in_limited_child
 
 # The children do next to nothing, and need none of the test runner's threads.
@@ -25,6 +28,38 @@ def test_errors_are_those_without_it(mocapidx, arguments):
     plain = mocapidx(*arguments)
     limited = mocapidx("--untrusted", *arguments)
     assert (limited.returncode, limited.stderr) == (plain.returncode, plain.stderr)
+
+
+COMMANDS = {
+    "index": ("index", "{clips}/squat", "--root", "{clips}", "--jobs", "2", "--quiet", "--store"),
+    "verify": ("verify", "{store}", "--quick"),
+    "verify in full": ("verify", "{store}"),
+    "query": ("query", "{store}", "--steps-of", "F20", "0 1 0", "--format", "csv", "--output"),
+    "web": ("web", "build", "{store}", "--where", "document = *squat*", "--quiet", "--output"),
+    "plot": ("plot", "lists", "{store}", "--output"),
+    "merge": ("merge", "{store}", "--quiet", "--output"),
+    "doctor": ("doctor", "{clips}/squat", "--format", "jsonl", "--output"),
+}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_what_a_command_writes_is_what_it_writes_without(
+    name, mocapidx, fixtures_store, fixtures_dir, tmp_path
+):
+    places = {"store": fixtures_store, "clips": fixtures_dir / "clips"}
+    arguments = [word.format(**places) for word in COMMANDS[name]]
+    results = []
+    for way in ([], ["--untrusted"]):
+        place = tmp_path / f"made{len(results)}.png"
+        output = [place] if arguments[-1] in ("--output", "--store") else []
+        done = mocapidx(*way, *arguments, *output)
+        assert done.returncode == 0, done.stderr
+        files = [place, *place.rglob("*")]
+        wrote = [p.read_bytes() for p in sorted(files) if p.is_file() and p.name != "LOCK"]
+        said = (done.stdout + done.stderr).replace(place.name, "made.png")
+        results.append((said if output == [] else "", wrote))
+    assert results[0] == results[1]
+    assert any(results[0])
 
 
 def ending_of(work, **limits):
@@ -48,31 +83,105 @@ def hang():
         pass
 
 
-def grow():
-    return len(b"x" * (3 << 30))
-
-
-@pytest.mark.parametrize("work", [crash, hang, grow])
-def test_crashes_hangs_and_hunger_are_damage(work):
+@pytest.mark.parametrize("work", [crash, hang])
+def test_crashes_and_hangs_are_damage(work):
     with pytest.raises(
         StoreError, match=r"the process that was to read untrusted files .* damaged"
     ):
         ending_of(work, seconds=1)
 
 
+def grow():
+    return len(b"x" * (3 << 30))
+
+
+def test_what_the_child_could_not_do_is_damage():
+    assert ending_of(grow) == 4
+
+
 def test_an_exit_code_goes_through():
     assert ending_of(lambda: os._exit(3)) == 3
 
 
-def test_a_signal_reaches_the_child(monkeypatch):
-    endings = []
+WAITING = """
+import sys, time
+from mocapidx.tasks import untrusted
+from mocapidx_cli import main, group
+untrusted.MEMORY = 1 << 30
+def work(**_):
+    open(sys.argv[2], "w").close()
+    {work}
+group.mocapidx.main = work
+main.main()
+"""
 
-    def once(child):
-        if not endings:
-            endings.append(child)
-            raise Interrupted(signal.SIGTERM)
-        return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
 
-    monkeypatch.setattr(untrusted, "_ending", once)
-    with pytest.raises(Interrupted):
-        ending_of(hang)
+def started(work, tmp_path):
+    """The program, doing something else than a command, in a group of its own."""
+    begun = tmp_path / "begun"
+    process = subprocess.Popen(
+        [sys.executable, "-c", WAITING.format(work=work), "--untrusted", begun],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    end = time.monotonic() + 30
+    while not begun.exists():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+    return process
+
+
+def is_gone(group):
+    """Whether no process of a group is left; one may take a moment to end."""
+    for _ in range(500):
+        if not any(belongs(place, group) for place in Path("/proc").glob("[0-9]*/stat")):
+            return True
+        time.sleep(0.01)
+    return False
+
+
+def belongs(place, group):
+    try:
+        state, _, own = place.read_text().rsplit(")", 1)[1].split()[:3]
+    except OSError:
+        return False
+    return int(own) == group and state != "Z"
+
+
+CLEANS = (
+    "\n    try:\n        time.sleep(60)\n    finally:\n        time.sleep(0.5); print('cleaned')"
+)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("send", [os.kill, os.killpg], ids=["one", "group"])
+def test_a_stop_reaches_the_child_once_whoever_gets_it(number, send, tmp_path):
+    process = started(CLEANS, tmp_path)
+    send(process.pid, number)
+    output, said = process.communicate(timeout=60)
+    assert process.returncode == 128 + number
+    assert output == "cleaned\n"
+    assert said == "Error: interrupted; nothing was written\n"
+    assert is_gone(process.pid)
+
+
+def test_a_second_stop_ends_both_at_once(tmp_path):
+    process = started(
+        "\n    while True:\n        try: time.sleep(60)\n        except: pass", tmp_path
+    )
+    os.kill(process.pid, signal.SIGTERM)
+    time.sleep(1)
+    os.kill(process.pid, signal.SIGTERM)
+    process.communicate(timeout=60)
+    assert process.returncode == 128 + signal.SIGTERM
+    assert is_gone(process.pid)
+
+
+def test_want_of_memory_is_exit_4_and_one_line(tmp_path):
+    process = started("len(b'x' * (3 << 30))", tmp_path)
+    output, said = process.communicate(timeout=60)
+    assert (process.returncode, output) == (4, "")
+    assert said.startswith("Error: out of memory; ")
+    assert said.count("\n") == 1
