@@ -311,7 +311,7 @@ ENTRIES = {
         ("pattern",),
     ),
     "graphs": Entry(
-        (*text("g.json", "graph"), *text("g.graphml", "graph")),
+        (*text("g.json", "graph_again"), *text("g.graphml", "graph_again")),
         '"nodes" "edges" "rate" "document" "start_frame" "cost" "path" <graphml <graph <node id= '
         '<edge source= target= <data key= </data> <key attr.name= <!DOCTYPE <!ENTITY <?xml null',
         ("graphml",),

@@ -8,6 +8,12 @@ import numpy as np
 
 from mocapidx.errors import MocapidxError
 from mocapidx.features.featureset import load_feature_set, parse_feature_set
+from mocapidx.graphs.graph_text import (
+    graph_from_graphml,
+    graph_from_json,
+    graph_to_graphml,
+    graph_to_json,
+)
 from mocapidx.queries.files import parse_pattern, parse_scene, read_query_text
 from mocapidx.skeleton.jointmap import load_joint_map
 from mocapidx.skeleton.joints import CANONICAL_JOINTS
@@ -115,3 +121,11 @@ def graph(path):
 
 def settings(path):
     return str(read_settings(path))
+
+
+def graph_again(path):
+    """A match graph, written, says what was read."""
+    found = read_graph(path)
+    for read, write in ((graph_from_json, graph_to_json), (graph_from_graphml, graph_to_graphml)):
+        text = write(found)
+        assert write(read(text)) == text
