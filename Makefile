@@ -41,8 +41,8 @@ torture: $(VENV)/.test
 # libFuzzer counts the branches of the kernels too, and sanitizers watch them; for that they are built
 # by clang. What was done and found stands in a table afterwards, what was found below build/fuzz.
 fuzz: $(VENV)/.fuzz
-	@command -v $(CLANG) > /dev/null || { echo "make fuzz needs clang and its libraries, such as \
-	  apt-get install clang; CLANG=NAME names another one" >&2; exit 1; }
+	@command -v $(CLANG) > /dev/null || \
+	  { echo "make fuzz needs clang (apt-get install clang); CLANG=NAME names another" >&2; exit 1; }
 	rm -rf $(FUZZED)
 	mkdir -p $(FUZZED)
 	cp -r mocapidx $(FUZZED)
