@@ -280,7 +280,7 @@ def _long(
     where: str, header: Sequence[str], rest: bytes, limits: Limits
 ) -> tuple[list[str], FloatArray, FloatArray | None]:
     place_of = {name.lower(): column for column, name in enumerate(header)}
-    lines = rest.decode("utf-8", "surrogateescape").splitlines()
+    lines = rest.decode("utf-8", "surrogateescape").split("\n")
     delimiter = "\t" if any("\t" in line for line in lines[:1]) else ","
     delimiter = ";" if any(";" in line for line in lines[:1]) else delimiter
     joints: dict[str, int] = {}

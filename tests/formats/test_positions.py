@@ -102,6 +102,13 @@ def test_csv_with_one_row_a_joint_and_frame(tmp_path):
     assert found.rate is None
 
 
+def test_only_ends_of_lines_end_a_row(tmp_path):
+    path = tmp_path / "x.csv"
+    table = long_table(some_points()).replace(NAMES[0], f"a\u2028b\x0b{NAMES[0]}")
+    path.write_bytes(table.replace("\n", "\r\n").encode())
+    assert read_recording(path).names == (f"a\u2028b\x0b{NAMES[0]}", *NAMES[1:])
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
