@@ -106,6 +106,39 @@ def compound(file, name, old):
     file.create_dataset(name, shape=old.shape, dtype=[("a", "u4"), ("b", "u4")])
 
 
+def of_type(dtype):
+    """A change that gives a dataset another type."""
+    return lambda file, name, old: file.create_dataset(name, shape=old.shape, dtype=dtype)
+
+
+def unknown_filter(file, name, old):
+    creation = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    creation.set_chunk((5,))
+    creation.set_filter(32_000, h5py.h5z.FLAG_OPTIONAL, ())
+    space = h5py.h5s.create_simple(old.shape)
+    h5py.h5d.create(file.id, name.encode(), h5py.h5t.NATIVE_UINT64, space, creation)
+
+
+def compact(file, name, old):
+    creation = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    creation.set_layout(h5py.h5d.COMPACT)
+    space = h5py.h5s.create_simple((3,))
+    h5py.h5d.create(file.id, name.encode(), h5py.h5t.NATIVE_UINT64, space, creation)
+
+
+def linked_group(file):
+    file.move("frames", "runs/frames")
+    file["frames"] = h5py.SoftLink("/runs/frames")
+
+
+def behind_a_user_block(path):
+    data = path.read_bytes()
+    path.unlink()
+    with h5py.File(path, "w", userblock_size=512):
+        pass
+    path.write_bytes(path.read_bytes()[:2048] + data)
+
+
 def committed(file, name, old):
     file["runs/type"] = old.dtype
     file.create_dataset(name, data=old, dtype=file["runs/type"])
@@ -133,6 +166,20 @@ CHANGES = {
     ),
     "strings": (replaced("runs/mix/words", text), "another type"),
     "compound": (replaced("runs/mix/words", compound), "another type"),
+    "object references": (replaced("runs/mix/words", of_type(h5py.ref_dtype)), "another type"),
+    "region references": (
+        replaced("runs/mix/words", of_type(h5py.regionref_dtype)),
+        "another type",
+    ),
+    "lists of any length": (
+        replaced("runs/mix/words", of_type(h5py.vlen_dtype("u4"))),
+        "another type",
+    ),
+    "other end first": (replaced("frames/words", of_type(">u8")), "another type"),
+    "unknown filter": (replaced("frames/words", unknown_filter), "not contiguous"),
+    "compact": (replaced("frames/words", compact), "not contiguous"),
+    "linked group": (inside(linked_group), "frames is a link to somewhere else"),
+    "user block": (behind_a_user_block, "has a user block"),
     "committed type": (replaced("runs/mix/words", committed), "another type"),
     "other type": (
         replaced("frames/words", lambda f, n, old: f.create_dataset(n, data=old.astype("i8"))),
