@@ -24,6 +24,7 @@ from mocapidx.kernels.choice import compiled
 from mocapidx.model import Recording
 from mocapidx.skeleton.joints import CANONICAL_JOINTS
 from tests.fuzz import text_readers
+from tests.naive_numbers import rows_of
 from tests.small_files import AMC, ASF
 
 __all__ = ["CORPUS", "ENTRIES", "NUMBERS", "Entry", "judge", "replay"]
@@ -204,31 +205,10 @@ def scanned_rows(data, folder):
     values = np.full((room, width), np.nan)
     targets = np.arange(width)[::-1].copy()
     read, at, ends = kernel.read_rows(lines, 0, targets, np.full(width, 0.5), values, 0)
-    expected = list(rows_by_python(lines, width))[:room]
+    expected = list(rows_of(lines, width))[:room]
     assert values[:read, ::-1].tolist() == [[0.5 * number for number in row] for row in expected]
     assert 0 <= at <= len(lines)
     assert ends == lines.count(b"\n", 0, at)
-
-
-def rows_by_python(lines, width):
-    for line in lines.split(b"\n"):
-        words = line.split()
-        if not words:
-            continue
-        row = [number_by_python(word) for word in words]
-        if len(row) != width or None in row:
-            return
-        yield row
-
-
-def number_by_python(word):
-    if word.strip(b"0123456789+-.eE"):
-        return None
-    try:
-        number = float(word)
-    except ValueError:
-        return None
-    return number if np.isfinite(number) else None
 
 
 def scanned_frames(data, folder):

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from mocapidx.errors import FormatError
 from mocapidx.formats import amc_frames, bvh
 from mocapidx.formats.registry import read_recording
+from tests.naive_numbers import number_of
 from tests.small_files import AMC, ASF, BVH
 
 KERNEL = pytest.importorskip("mocapidx.kernels._text", reason="the kernels weren't built")
@@ -20,17 +21,6 @@ KERNEL = pytest.importorskip("mocapidx.kernels._text", reason="the kernels weren
 
 def bits(number):
     return struct.pack("<d", number)
-
-
-def by_python(word):
-    """The number that a word stands for; None if motion files can't have it."""
-    if set(word) - set("0123456789+-.eE"):
-        return None
-    try:
-        number = float(word)
-    except ValueError:
-        return None
-    return number if math.isfinite(number) else None
 
 
 def by_kernel(word, before="", after="\n"):
@@ -43,7 +33,7 @@ def by_kernel(word, before="", after="\n"):
 
 
 def judged_alike(word):
-    expected = by_python(word)
+    expected = number_of(word)
     for after in ("", "\n", " \t\r\n\n"):
         found = by_kernel(word, "1 " if after else "", after)
         assert (found is None) == (expected is None), word
