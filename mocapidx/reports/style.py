@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from mocapidx.errors import ParameterError
+from mocapidx.errors import ParameterError, WriteError
 from mocapidx.printable import shown
 
 if TYPE_CHECKING:
@@ -73,8 +73,14 @@ def drawing() -> Iterator[None]:
     """Draw in our own style, whatever the user's settings are, and without remarks."""
     # Where the home folder can't be written, matplotlib would say so on stderr.
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
-    import matplotlib
-
+    try:
+        import matplotlib
+        import matplotlib.font_manager
+    except OSError as exc:
+        raise WriteError(
+            "matplotlib, which draws, needs a folder to write to, and may neither write to the "
+            "home folder nor to one for temporary files; set MPLCONFIGDIR to a folder"
+        ) from exc
     with warnings.catch_warnings(), matplotlib.rc_context():
         warnings.simplefilter("ignore")  # a name may have letters that the font lacks
         matplotlib.rcdefaults()

@@ -131,6 +131,11 @@ def cluster_mapping(scheduler: str) -> Iterator[MapFunction]:
                 f"{shown(scheduler)}: no scheduler answers there ({type(exc).__name__}); start "
                 "one with 'dask scheduler'"
             ) from exc
+        except RuntimeError as exc:
+            raise MocapidxError(
+                f"{shown(scheduler)}: no cluster could be started here ({shown(exc)}); "
+                "--jobs does the same work without one"
+            ) from exc
 
         def apply(function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
             under_way.append(_results(client, scheduler, function, items))

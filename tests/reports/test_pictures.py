@@ -143,3 +143,31 @@ def test_settings_of_the_user_and_a_missing_home_change_nothing(tmp_path):
 def test_importing_the_module_does_not_import_matplotlib():
     code = "import sys, mocapidx.tasks.plot\nsys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0
+
+
+NOWHERE_TO_WRITE = """
+import tempfile
+from mocapidx.errors import WriteError
+from mocapidx.reports.style import drawing
+
+def full(**_options):
+    raise FileNotFoundError(2, "No usable temporary directory found")
+
+tempfile.mkdtemp = full
+try:
+    with drawing():
+        pass
+except WriteError as exc:
+    print(exc)
+"""
+
+
+def test_where_no_folder_may_be_written_matplotlib_says_what_it_needs():
+    environment = os.environ | {"HOME": "/dev/null/home", "XDG_CONFIG_HOME": "/dev/null"}
+    environment.pop("MPLCONFIGDIR", None)
+    done = subprocess.run(
+        [sys.executable, "-c", NOWHERE_TO_WRITE], capture_output=True, text=True, env=environment
+    )
+    assert done.stderr == ""
+    assert done.stdout.startswith("matplotlib, which draws, needs a folder to write to")
+    assert done.stdout.endswith("set MPLCONFIGDIR to a folder\n")

@@ -108,3 +108,16 @@ def test_what_is_no_scheduler_is_told(scheduler, says, monkeypatch):
     monkeypatch.setattr("mocapidx.tasks.cluster.CONNECT_SECONDS", 0.5)
     with pytest.raises(ParameterError, match=says), cluster_mapping(scheduler):
         pass
+
+
+def test_a_cluster_that_can_not_be_started_here_is_one_line(monkeypatch):
+    def fail(**_settings):
+        raise RuntimeError("Cluster failed to start: no usable\ntemporary directory")
+
+    monkeypatch.setattr("distributed.LocalCluster", fail)
+    with (
+        pytest.raises(MocapidxError, match="local:2: no cluster could be started here") as caught,
+        cluster_mapping("local:2"),
+    ):
+        pass
+    assert "\n" not in str(caught.value)
