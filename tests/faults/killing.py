@@ -20,7 +20,7 @@ from tests.faults.faulting import ROOT, stores_of, tree_of
 from tests.faults.warm import BATCH
 from tests.made_webs import add_motions, gestures
 
-__all__ = ["LONG_RUNS", "Course", "Ending", "Warm", "make_archive"]
+__all__ = ["LONG_RUNS", "Course", "Ending", "Warm", "make_archive", "names_in"]
 
 LABELS = ("kickFrontRight", "squat", "punchLeft", "clapAboveHead", "jog", "hopBothLegs")
 NOTHING = "interrupted; nothing was written"
@@ -313,6 +313,18 @@ class Course:
             for name, content in tree_of(self.archive).items()
             if name in named or not re.search(r"/segments/\d+\.(h5|idx)$", name)
         }
+
+
+def names_in(store):
+    """The live documents of a store, sorted; by its manifest alone."""
+    manifest = json.loads(stores_of(store.parent)[store.name][0])
+    columns = [file["documents"] for file in manifest["files"]]
+    return sorted(
+        name
+        for column in columns
+        for name, live in zip(column["name"], column["live"], strict=True)
+        if live
+    )
 
 
 def state_of(target):

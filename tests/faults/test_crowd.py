@@ -7,7 +7,8 @@ import subprocess
 import sys
 
 from tests.faults.crowding import STORE
-from tests.faults.faulting import ROOT, stores_of
+from tests.faults.faulting import ROOT
+from tests.faults.killing import names_in
 
 SHORT, FULL = 8, 3600  # seconds
 ROUND = 60  # seconds after which a new store is begun, since one that grows gets slow
@@ -29,18 +30,6 @@ def run_crowd(world, clip, seconds):
     return json.loads(done.stdout)
 
 
-def names_in(world):
-    """The live documents of the store, by its manifest alone."""
-    manifest = json.loads(stores_of(world)[STORE][0])
-    columns = [file["documents"] for file in manifest["files"]]
-    return sorted(
-        name
-        for column in columns
-        for name, live in zip(column["name"], column["live"], strict=True)
-        if live
-    )
-
-
 def test_eight_writers_and_four_readers_lose_nothing(fixtures_dir, tmp_path, is_full, reported):
     """TORTURE_SECONDS says how long they go on, in place of an hour or a few seconds."""
     left = float(os.environ.get("TORTURE_SECONDS", FULL if is_full else SHORT))
@@ -52,8 +41,9 @@ def test_eight_writers_and_four_readers_lose_nothing(fixtures_dir, tmp_path, is_
         merges, wrong = merges + told["compact"], wrong + told["wrong"]
         pairs = (world / "acknowledged").read_text().split()
         expected = sorted(f"{pair}/{one}.bvh" for pair in pairs for one in "ab")
-        if names_in(world) != expected:
-            wrong.append(f"{len(names_in(world))} documents, not {len(expected)}")
+        found = names_in(world / STORE)
+        if found != expected:
+            wrong.append(f"{len(found)} documents, not {len(expected)}")
         shutil.rmtree(world)
         left -= ROUND
     reported("crowd commits", commits, len(wrong))
