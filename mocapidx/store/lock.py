@@ -70,9 +70,7 @@ def _acquire(store: Path, deadline: float) -> int:
     path = store / schema.LOCK
     while True:
         try:
-            descriptor = os.open(
-                path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK, 0o666
-            )
+            descriptor = _opened(path)
         except OSError as exc:
             raise write_error(
                 exc, path, subject=str(store), needed=None, unchanged="store unchanged"
@@ -87,6 +85,15 @@ def _acquire(store: Path, deadline: float) -> int:
             os.close(descriptor)
             raise
         os.close(descriptor)
+
+
+def _opened(path: Path) -> int:
+    flags = os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
+    try:
+        return os.open(path, os.O_RDWR | os.O_CREAT | flags, 0o666)
+    except PermissionError:
+        # In a folder that several people write to it may be another's, and locks ask for no more.
+        return os.open(path, os.O_RDONLY | flags)
 
 
 def _wait(descriptor: int, store: Path, deadline: float) -> None:

@@ -107,3 +107,21 @@ def test_a_lock_file_that_cannot_be_made_is_a_write_error(tmp_path):
     with pytest.raises(WriteError), locked(tmp_path, command="index"):
         pass
     assert not (tmp_path / "elsewhere").exists()
+
+
+def test_a_lock_file_of_somebody_else_is_locked_all_the_same(tmp_path, monkeypatch):
+    (tmp_path / "LOCK").touch()
+    real_open = os.open
+
+    def open_mine(path, flags, *args, **options):
+        if str(path).endswith("LOCK") and flags & os.O_RDWR:
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), path)
+        return real_open(path, flags, *args, **options)
+
+    monkeypatch.setattr(os, "open", open_mine)
+    with (
+        locked(tmp_path, command="index"),
+        pytest.raises(LockedError, match="is being written by another command"),
+        locked(tmp_path, command="index"),
+    ):
+        pass
