@@ -50,7 +50,7 @@ def remount(folder, options, read_only=False):
     mount(folder, options, REMOUNT | (READ_ONLY if read_only else 0))
 
 
-def run(world, words, *, file_size=None, powerless=False, nobody=False, stdout=os.devnull):
+def run(world, words, *, file_size=None, powerless=False, stdout=os.devnull):
     """Run the program in a copy of this process; give its exit code and what it said."""
     read, write = os.pipe()
     # A pipe is no file, so what is said is said whatever the limit for files.
@@ -62,9 +62,7 @@ def run(world, words, *, file_size=None, powerless=False, nobody=False, stdout=o
         out = os.open(stdout, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
         for place, file in enumerate((nothing, out, write)):
             os.dup2(file, place)
-        if nobody:
-            become_nobody()
-        if powerless or nobody:
+        if powerless:
             give_up_power()
         if file_size is not None:
             resource.setrlimit(resource.RLIMIT_FSIZE, (file_size, file_size))
@@ -73,12 +71,6 @@ def run(world, words, *, file_size=None, powerless=False, nobody=False, stdout=o
     code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
     with open(read, "rb") as said:
         return code, said.read().decode(errors="replace")
-
-
-def become_nobody():
-    os.setgroups([])
-    os.setgid(65534)
-    os.setuid(65534)
 
 
 def give_up_power():

@@ -1,14 +1,16 @@
 """Every command on a full disk, a closed one, and with a limit for the size of files."""
 
+import hashlib
 import itertools
+import os
 import re
 import shutil
 
 import pytest
 
 from tests.faults.cramped import Cramped
-from tests.faults.faulting import tree_of
-from tests.faults.places import Places
+from tests.faults.faulting import stores_of, tree_of
+from tests.faults.places import Places, change_modes
 from tests.faults.world import WRITERS
 
 EFFORTLESS = ("compact-one", "measure")
@@ -49,6 +51,8 @@ CLOSED = re.compile(
     r"(; see to its permissions or its file system| \(.+\); nothing was made)\n"
 )
 NO_FOLDER = re.compile(r"Error: none/\S+: there is no folder none; make it first\n")
+NOBODY = 65534
+NOTHING = hashlib.blake2b(b"").hexdigest()
 NO_OUTPUT = "Error: could not write to the standard output: no space left on device"
 
 
@@ -102,9 +106,9 @@ def tally(request, reported):
     assert not found.wrong, "\n".join([f"{len(found.wrong)} of {found.tried}", *found.wrong[:5]])
 
 
-def levels(is_full, few):
+def levels(is_full, few, step=1):
     """Say how much to leave: little by little more in a full run."""
-    return itertools.count() if is_full else few
+    return itertools.count(0, step) if is_full else few
 
 
 @pytest.mark.parametrize("name", WRITERS)
@@ -112,7 +116,7 @@ def test_without_room_nothing_changes_and_the_work_is_done_later(
     name, cramped, small_disk, is_full, tally
 ):
     command = cramped(name)
-    for pages in levels(is_full, [command.pages // 2]):
+    for pages in levels(is_full, [command.pages // 2], 1 + command.pages // 50):
         command.lay_out()
         small_disk.leave_pages(pages)
         if tally.judge(f"{pages} pages", command.judge):
@@ -195,17 +199,77 @@ def judge_homeless(command, places, words):
     assert NO_FOLDER.fullmatch(ending.said), ending.said
 
 
-def test_what_may_only_be_read_can_be_searched(pristine, places, close, tally):
+@pytest.fixture(scope="module")
+def read(pristine, places):
+    """What readers print and write where nothing hinders them."""
+    found = {}
     for words in READERS:
         places.lay_out(pristine)
-        before = tree_of(places.seen)
-        expected = run_reader(places, words)
-        places.lay_out(pristine)
-        close()
+        found[words] = run_reader(places, words)
+        assert found[words][0] == 0
+    return found
+
+
+def test_what_may_only_be_read_can_be_searched(pristine, places, read, close, tally):
+    places.lay_out(pristine)
+    before = tree_of(places.seen)
+    close()
+    for words in READERS:
         found = run_reader(places, words, powerless=True)
-        places.make_room()
-        tally.judge(words, judge_same, found, expected)
-        tally.judge(words, judge_same, tree_of(places.seen), before)
+        tally.judge(words, judge_same, found, read[words])
+    places.make_room()
+    tally.judge("the world", judge_same, tree_of(places.seen), before)
+
+
+@pytest.fixture
+def given_away(pristine, places):
+    """Let the world belong to somebody else."""
+    places.lay_out(pristine)
+    try:
+        give_away(places.seen)
+    except PermissionError:
+        pytest.skip("only the superuser can give files to somebody else")
+    return places
+
+
+def test_somebody_elses_store_can_be_searched_and_not_changed(given_away, read, tally):
+    before = tree_of(given_away.seen)
+    for words in READERS:
+        found = run_reader(given_away, words, powerless=True)
+        tally.judge(words, judge_same, found, read[words])
+    for name in WRITERS.keys() - EFFORTLESS:
+        ending = given_away.run(WRITERS[name].words(), powerless=True)
+        tally.judge(name, judge_refused, ending)
+    assert tree_of(given_away.seen) == before
+
+
+def judge_refused(ending):
+    assert ending.code == 7, ending
+    assert CLOSED.fullmatch(ending.said), ending.said
+
+
+def test_a_folder_that_several_people_write_to_takes_documents_of_all(given_away):
+    ours = given_away.seen / "ours"
+    shutil.copytree(given_away.seen / "one.store", ours / "one.store")
+    (ours / "one.store/LOCK").touch()
+    give_away(ours)
+    change_modes(ours, add=0o777)
+    for words in (
+        "index more --store ours/one.store --jobs 1",
+        "merge one.store other.store --output ours/joined.store",
+        "compact ours/one.store",
+        "verify ours/one.store",
+        "verify ours/joined.store",
+    ):
+        ending = given_away.run(words.split(), powerless=True)
+        assert ending.code == 0, (words, ending)
+    assert stores_of(ours)["one.store"][1].keys() == {"000003.h5", "000003.idx"}
+
+
+def give_away(world):
+    for folder, _, files in os.walk(world):
+        for name in (".", *files):
+            os.chown(f"{folder}/{name}", NOBODY, NOBODY)
 
 
 def run_reader(places, words, **limits):
@@ -236,12 +300,11 @@ def judge_mute(command, places):
         assert ending.code == command.writer.code, ending
 
 
-def test_a_reader_that_can_not_print_says_so(pristine, places, tally):
+def test_a_reader_that_can_not_print_says_so(pristine, places, read, tally):
     places.lay_out(pristine)
     for words in READERS:
-        expected = run_reader(places, words)
-        assert expected[0] == 0
-        if (places.elsewhere / "out").stat().st_size:
+        _, _, wrote = read[words]
+        if wrote["out"] != NOTHING:
             ending = places.run(words.split(), stdout="/dev/full")
             tally.judge(words, judge_same, ending.code, 7)
             tally.judge(words, judge_same, ending.said.splitlines()[-1], NO_OUTPUT)
