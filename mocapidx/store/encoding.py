@@ -6,17 +6,17 @@ agree with each other or in a StoreError.
 """
 
 import gc
-import json
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import fields
+from dataclasses import dataclass, field, fields
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, Final
 
 from mocapidx.errors import StoreError
 from mocapidx.store import schema
-from mocapidx.store.json_text import from_json, is_mostly_brackets
+from mocapidx.store.json_text import from_json, is_mostly_brackets, to_json, with_lists
 from mocapidx.store.manifest import (
     Dataset,
     Document,
@@ -74,19 +74,15 @@ def encode_manifest(manifest: Manifest) -> bytes:
     StoreError
         If it would be larger than a reader takes.
     """
-    roots: dict[str, int] = {}
-    rigs: dict[str, int] = {}
-    files = [_file_json(file, roots, rigs) for file in manifest.files]
-    body = _to_json(
-        {
-            **_settings_json(manifest.settings),
-            "generation": manifest.generation,
-            "next": manifest.next_number,
-            "roots": list(roots),
-            "rigs": [json.loads(rig) for rig in rigs],
-            "files": files,
-        }
-    )
+    shared = _Shared()
+    files = [to_json(_file_json(file, shared)) for file in manifest.files]
+    facts = {
+        **_settings_json(manifest.settings),
+        "generation": manifest.generation,
+        "next": manifest.next_number,
+        "roots": list(shared.roots),
+    }
+    body = with_lists(to_json(facts), rigs=shared.rigs, files=files)
     if len(body) > schema.MANIFEST_LIMIT - 65:
         raise StoreError(
             f"a manifest of {len(body)} bytes is over the limit of {schema.MANIFEST_LIMIT}; "
@@ -114,18 +110,11 @@ def meta_json(documents: Iterable[Document], settings: StoreSettings) -> bytes:
     bytes
         JSON in ASCII.
     """
-    roots: dict[str, int] = {}
-    rigs: dict[str, int] = {}
-    columns = _documents_json(documents, roots, rigs)
+    shared = _Shared()
+    columns = _documents_json(documents, shared)
     del columns["live"]
-    return _to_json(
-        {
-            **_settings_json(settings),
-            "roots": list(roots),
-            "rigs": [json.loads(rig) for rig in rigs],
-            "documents": columns,
-        }
-    )
+    facts = to_json({**_settings_json(settings), "roots": list(shared.roots)})
+    return with_lists(facts, rigs=shared.rigs)[:-1] + b',"documents":' + to_json(columns) + b"}"
 
 
 def decode_manifest(data: bytes, path: Path) -> Manifest:
@@ -187,37 +176,39 @@ def _settings_json(settings: StoreSettings) -> dict[str, Any]:
     }
 
 
-def _documents_json(
-    documents: Iterable[Document], roots: dict[str, int], rigs: dict[str, int]
-) -> dict[str, list[Any]]:
-    """Lay documents out by column; roots and rigs (by their JSON text) become numbers."""
-    columns: dict[str, list[Any]] = {entry.name: [] for entry in fields(Document)}
-    texts: dict[int, str] = {}  # documents share few rigs, so each object is written once
-    for document in documents:
-        rig = texts.get(id(document.rig))
-        if rig is None:
-            rig = texts[id(document.rig)] = json.dumps(dict(document.rig), sort_keys=True)
-        for name, column in columns.items():
-            column.append(getattr(document, name))
-        columns["facts"][-1] = dict(sorted(document.facts.items()))
-        columns["root"][-1] = roots.setdefault(document.root, len(roots))
-        columns["rig"][-1] = rigs.setdefault(rig, len(rigs))
-    if not any(columns["facts"]):  # so stores from before there were facts keep their bytes
+@dataclass
+class _Shared:
+    """What many documents have in common, and its number: roots, and rigs as JSON."""
+
+    roots: dict[str, int] = field(default_factory=dict)
+    rigs: dict[bytes, int] = field(default_factory=dict)
+    numbers: dict[int, int] = field(default_factory=dict)  # of rigs, by the object
+
+    def rig(self, rig: Rig) -> int:
+        number = self.numbers.get(id(rig))
+        if number is None:
+            text = to_json(dict(rig), sort_keys=True)
+            number = self.numbers[id(rig)] = self.rigs.setdefault(text, len(self.rigs))
+        return number
+
+
+def _documents_json(documents: Iterable[Document], shared: _Shared) -> dict[str, list[Any]]:
+    """Lay documents out by column; roots and rigs become numbers."""
+    documents = tuple(documents)
+    columns: dict[str, list[Any]] = {
+        entry.name: list(map(attrgetter(entry.name), documents)) for entry in fields(Document)
+    }
+    roots = shared.roots
+    columns["root"] = [roots.setdefault(root, len(roots)) for root in columns["root"]]
+    columns["rig"] = [shared.rig(rig) for rig in columns["rig"]]
+    if any(columns["facts"]):
+        columns["facts"] = [dict(sorted(facts.items())) for facts in columns["facts"]]
+    else:  # so stores from before there were facts keep their bytes
         del columns["facts"]
     return columns
 
 
-def _to_json(value: Any) -> bytes:
-    # ASCII keeps lone surrogates, which stand for undecodable bytes in names.
-    try:
-        return json.dumps(value, separators=(",", ":"), allow_nan=False).encode("ascii")
-    except ValueError as exc:  # a forged manifest may hold 1e999, which JSON reads as infinity
-        raise StoreError(
-            "what the store says of a skeleton holds a number without end; index the sources again"
-        ) from exc
-
-
-def _file_json(file: SegmentFile, roots: dict[str, int], rigs: dict[str, int]) -> dict[str, Any]:
+def _file_json(file: SegmentFile, shared: _Shared) -> dict[str, Any]:
     return {
         "number": file.number,
         **{
@@ -233,7 +224,7 @@ def _file_json(file: SegmentFile, roots: dict[str, int], rigs: dict[str, int]) -
             }
             for path, dataset in sorted(file.datasets.items())
         },
-        "documents": _documents_json(file.documents, roots, rigs),
+        "documents": _documents_json(file.documents, shared),
     }
 
 

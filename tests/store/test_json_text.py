@@ -6,7 +6,13 @@ import pytest
 
 from mocapidx.errors import StoreError
 from mocapidx.store.encoding import encode_manifest
-from mocapidx.store.json_text import ALWAYS_ALLOWED, from_json, is_mostly_brackets
+from mocapidx.store.json_text import (
+    ALWAYS_ALLOWED,
+    from_json,
+    is_mostly_brackets,
+    to_json,
+    with_lists,
+)
 from mocapidx.store.manifest import Document, FileRecord, Manifest, SegmentFile, StoreSettings
 
 
@@ -26,6 +32,18 @@ def test_text_that_is_mostly_brackets_is_refused_unread(piece):
     text = b"[" + b",".join([piece] * ALWAYS_ALLOWED)
     with pytest.raises(ValueError, match="mostly brackets"):
         from_json(text)  # it is not even closed
+
+
+def test_lists_are_added_as_if_all_were_written_at_once():
+    whole = {"a": 1, "b": [{"x": "\ud800"}, {}], "c": []}
+    parts = {"b": map(to_json, whole["b"]), "c": ()}
+    assert with_lists(to_json({"a": 1}), **parts) == to_json(whole)
+    assert from_json(to_json(whole)) == whole
+
+
+def test_numbers_without_end_are_not_written():
+    with pytest.raises(StoreError, match="a number without end"):
+        to_json([float("inf")])
 
 
 def test_a_store_of_names_that_no_reader_takes_is_not_written():
