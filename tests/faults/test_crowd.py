@@ -7,7 +7,7 @@ import subprocess
 import sys
 
 from tests.faults.crowding import STORE
-from tests.faults.faulting import ROOT
+from tests.faults.faulting import ROOT, stores_of
 from tests.faults.killing import names_in
 
 SHORT, FULL = 8, 3600  # seconds
@@ -41,7 +41,7 @@ def test_eight_writers_and_four_readers_lose_nothing(fixtures_dir, tmp_path, is_
         merges, wrong = merges + told["compact"], wrong + told["wrong"]
         pairs = (world / "acknowledged").read_text().split()
         expected = sorted(f"{pair}/{one}.bvh" for pair in pairs for one in "ab")
-        found = names_in(world / STORE)
+        found = names_in(stores_of(world)[STORE][0])
         if found != expected:
             wrong.append(f"{len(found)} documents, not {len(expected)}")
         shutil.rmtree(world)

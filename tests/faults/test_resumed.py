@@ -8,7 +8,7 @@ import pytest
 from tests.faults.killing import LONG_RUNS
 
 SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
-SHORT, FULL = 20, 1000  # of all commands together
+SHORT, FULL = 10, 1000  # of all commands together
 MOST_STOPS = 4
 WITH_WORKERS = 0.03
 
