@@ -155,3 +155,38 @@ def test_a_stop_that_python_swallows_is_raised_again():
         "    print('stopped by', exc.signal_number)\n"
     )
     assert (done.stdout, done.stderr) == ("stopped by 15\n", "")
+
+
+INTERRUPTED_IMPORTS = """
+import os, signal, sys
+from mocapidx_cli.start import start
+
+class Interrupting:
+    def find_spec(self, name, path, target=None):
+        if name == sys.argv[1]:
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Interrupting())
+start()
+"""
+
+
+@pytest.mark.parametrize(
+    ("module", "ending"),
+    [
+        ("mocapidx_cli.main", -signal.SIGINT),
+        ("mocapidx.errors", -signal.SIGINT),
+        ("mocapidx_cli.group", 130),
+        ("click", 130),
+    ],
+)
+def test_ctrl_c_while_the_program_is_loaded_shows_no_traceback(module, ending):
+    done = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED_IMPORTS, module, "--help"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == ending
+    assert "Traceback" not in done.stderr
+    assert done.stderr.count("\n") <= 1
