@@ -226,7 +226,8 @@ class Snapshot:
         self.close()
 
     def __del__(self) -> None:
-        self.close()
+        if hasattr(self, "_descriptors"):  # else a stop came before it was made
+            self.close()
 
     def _open(self, file: SegmentFile, which: int) -> int:
         name = file.names[which]

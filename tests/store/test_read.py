@@ -1,3 +1,4 @@
+import gc
 import os
 import random
 import subprocess
@@ -8,7 +9,7 @@ import pytest
 
 from mocapidx.errors import ParameterError, StoreError
 from mocapidx.store import read, schema
-from mocapidx.store.read import open_store
+from mocapidx.store.read import Snapshot, open_store
 from mocapidx.store.write import writing
 from tests.made_store import SETTINGS, make_batch, read_everything
 
@@ -181,6 +182,11 @@ def test_a_reader_that_comes_too_late_for_a_file_reads_the_manifest_again(store,
     else:
         with open_store(store) as snapshot:
             assert [e.document.frames for e in snapshot.documents()] == [late]
+
+
+def test_a_snapshot_that_a_stop_kept_from_being_made_goes_without_a_word():
+    Snapshot.__new__(Snapshot)
+    gc.collect()  # whatever it says in its end would fail here
 
 
 def test_a_closed_snapshot_and_a_forgotten_one_hold_no_files(store):
