@@ -134,6 +134,7 @@ def be_program(work, job, ready):
     """Be the program, until it ends."""
     code = 99
     try:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
         os.setsid()
         os.chdir(job["world"])
         acks = os.open(work / "acks", os.O_WRONLY | os.O_APPEND)
@@ -144,8 +145,10 @@ def be_program(work, job, ready):
     except BaseException:
         traceback.print_exc()
     finally:
-        sys.stderr.flush()
-        os._exit(code)
+        try:
+            sys.stderr.flush()
+        finally:
+            os._exit(code)  # even if the signal comes only now
 
 
 def take_streams(out, err):
