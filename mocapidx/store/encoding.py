@@ -241,7 +241,7 @@ def _manifest(tree: Any, path: Path) -> Manifest:
     settings = StoreSettings(
         rate=_rate(_get(tree, "rate", float)),
         feature_set_name=_get(feature_set, "name", str),
-        feature_set_digest=_get(feature_set, "digest", str),
+        feature_set_digest=_digest(feature_set),
         feature_set_text=_get(feature_set, "text", str),
         poses=_get(tree, "poses", bool),
     )
@@ -380,7 +380,11 @@ def _path(text: str) -> str:
 
 
 def _record(tree: dict[str, Any]) -> FileRecord:
-    digest = _get(tree, "digest", str)
+    return FileRecord(_whole(tree, "size"), _digest(tree))
+
+
+def _digest(tree: dict[str, Any]) -> str:
+    digest: str = _get(tree, "digest", str)
     if not DIGEST.fullmatch(digest):
         raise Wrong("a digest is not 64 hexadecimal digits")
-    return FileRecord(_whole(tree, "size"), digest)
+    return digest

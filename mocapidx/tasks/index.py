@@ -385,5 +385,8 @@ def _prune(known: Mapping[str, Document], writer: Writer, summary: IndexSummary)
 
 
 def _merge(writer: Writer, files: Sequence[SegmentFile]) -> None:
+    if not any(entry.live for file in files for entry in file.documents):
+        writer.commit(None)  # leaves out what holds nothing
+        return
     feature_set = store_feature_set(writer.snapshot, checked=True)
     writer.replace(merged_batch(writer.snapshot, files, feature_set), files)

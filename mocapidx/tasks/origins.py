@@ -22,6 +22,8 @@ from mocapidx.tasks.stored import source_skeleton
 __all__ = ["Origin", "find_origins"]
 
 LARGEST_UNIT: Final = 1e6  # metres
+LONGEST_PATH: Final = 500
+"""Characters of a path that a store tells; more than any honest one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,14 +115,14 @@ def _of_store(document: Document, roots: Sequence[Path], options: ReadOptions) -
     path = next((path for path in moved if os.path.isfile(path)), document.source)
     if not os.path.isfile(path):
         raise FormatError(
-            f"{shown(document.name)}: its file {shown(path, None)} is not there; name the folder "
-            "that it lies below with --root"
+            f"{shown(document.name)}: its file {shown(path, LONGEST_PATH)} is not there; "
+            "name the folder that it lies below with --root"
         )
     origin = Origin(document.name, path, _as_indexed(document, options))
     if source_digest(sources_of(path, origin.options.skeleton)) != document.digest:
         raise FormatError(
-            f"{shown(path, None)}: has changed since it was indexed; index it again and repeat "
-            "the search"
+            f"{shown(path, LONGEST_PATH)}: has changed since it was indexed; index it again and "
+            "repeat the search"
         )
     return origin
 
@@ -160,7 +162,7 @@ def _below(name: str, roots: Sequence[Path], asked: bool, options: ReadOptions) 
             "folder that it lies below with --root"
         )
     if not is_motion_file(path):
-        raise FormatError(f"{shown(path, None)}: not a kind of motion file that is read")
+        raise FormatError(f"{shown(path, LONGEST_PATH)}: not a kind of motion file that is read")
     return Origin(name, path, options)
 
 

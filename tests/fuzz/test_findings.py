@@ -17,8 +17,10 @@ from mocapidx.store.read import open_store, read_manifest
 from mocapidx.store.templates import read_templates, write_templates
 from mocapidx.store.web import read_web, write_web
 from mocapidx.tasks.compare import compare_methods
+from mocapidx.tasks.index import compact_store
 from mocapidx.tasks.info import document_info, store_info
 from mocapidx.tasks.label_files import Label, LabelFile
+from mocapidx.tasks.origins import find_origins
 from mocapidx.tasks.query import query_store
 from mocapidx.tasks.stored import stored_motion, stored_poses
 from mocapidx.tasks.template import shown_template
@@ -159,6 +161,30 @@ def test_odd_facts_of_a_skeleton_say_nothing(seeds, tmp_path, key, value):
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir()
         COMMANDS[command](Asked(store, names, folder))
+
+
+def test_a_store_of_dead_documents_alone_is_emptied(store):
+    def kill(tree):
+        for file in tree["files"]:
+            file["documents"]["live"] = [False] * len(file["documents"]["live"])
+
+    with_tree(kill)(store)
+    assert compact_store(store) == (2, 0)
+    assert read_manifest(store).files == ()
+
+
+def test_a_feature_set_is_known_by_a_digest_and_nothing_else(store):
+    with_tree(lambda tree: tree["feature_set"].__setitem__("digest", "\x1b[2J"))(store)
+    with pytest.raises(StoreError, match="a digest is not 64 hexadecimal digits"):
+        store_info(store)
+
+
+def test_a_path_of_a_store_that_is_longer_than_any_is_shortened(store, tmp_path):
+    with_tree(lambda tree: tree.__setitem__("roots", ["x" * 5000]))(store)
+    name = tree_of(store)["files"][0]["documents"]["name"][0]
+    (origin,) = find_origins([name], [store]).values()
+    assert "is not there" in str(origin)
+    assert len(str(origin)) < 1000
 
 
 def test_gaps_without_end_are_damage(store):

@@ -196,7 +196,7 @@ COMMANDS: dict[str, Callable[[Asked], object]] = {
 def use(store: Path):
     """Run some commands one after the other; each may say that the store is damaged."""
     with open_store(store) as snapshot:
-        names = [placed.document.name for placed in snapshot.documents()]
+        names = [placed.document.name for placed in snapshot.documents()] or ["none.amc"]
     folder = store.parent / "results"
     manifest = (store / schema.MANIFEST).read_bytes()
     chosen = random.Random(hashlib.md5(manifest).digest()).sample(sorted(COMMANDS), COMMANDS_EACH)
