@@ -261,7 +261,7 @@ TARGETS = {
         Target("forged-used", "take.store", use, attack=forge_anything, short=20, full=2000),
         Target("forged-sigma", "take.store/SIGMA", sigma, forging.forged_lines),
         Target("forged-templates", "t.mt", templates, forging.forged_seal),
-        Target("forged-web", "arms.web", forged_web, forging.forged_seal),
+        Target("forged-web", "arms.web", forged_web, forging.forged_seal, short=200),
         Target("forged-space", "kick.space", space, forging.forged_seal),
         Target("graph-json", "g.json", graph, damaged_json),
         Target("graphml", "g.graphml", graph),
