@@ -206,7 +206,7 @@ def read_layout(path: Path, data: bytes) -> C3dLayout:
         data_start=data_start,
         rate=float(floats_of(data[20:24], processor)[0]),
     )
-    return _checked(layout, len(data))
+    return _checked(layout, start, len(data))
 
 
 def _parameters(where: str, data: bytes, at: int, big: bool) -> Iterator[tuple[str, Parameter]]:
@@ -259,7 +259,7 @@ def _signed(byte: int) -> int:
     return byte - 256 if byte > 127 else byte
 
 
-def _checked(layout: C3dLayout, size: int) -> C3dLayout:
+def _checked(layout: C3dLayout, parameters: int, size: int) -> C3dLayout:
     where = place(layout.path)
     used = layout.numbers("POINT:USED")
     if len(used) and used[0] != layout.points:
@@ -275,6 +275,11 @@ def _checked(layout: C3dLayout, size: int) -> C3dLayout:
         raise FormatError(
             f"{where}: its data should begin at byte {layout.data_start}, the file has {size}; "
             "is it cut off?"
+        )
+    if layout.data_start <= parameters:
+        raise FormatError(
+            f"{where}: its data should begin at byte {layout.data_start}, its parameters at "
+            f"{parameters}; is the file damaged?"
         )
     frames = _frames(layout)
     room = (size - layout.data_start) // layout.frame_size

@@ -146,6 +146,7 @@ def put(data, at, octets):
         (put(whole_file(), 2, b"\xff\xff"), "65535 points, POINT:USED says 3"),
         (put(whole_file(), 8, b"\xff\x7f"), "says 32767 frames of 3 points, has"),
         (put(whole_file(), 16, b"\xff\xff"), "its data should begin"),
+        (put(whole_file(), 16, b"\2\0"), "begin at byte 512, its parameters at 512"),
         (put(whole_file(), 12, b"\0\0\0\0"), "scale is 0"),
         (put(whole_file(), 12, b"\xff\xff\xff\x7f"), "scale is nan"),
         (whole_file()[:-600], "is it cut off"),
