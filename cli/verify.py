@@ -52,17 +52,19 @@ def verify(
     for path in report.lost:
         # for `xargs mocapidx index` byte by byte, but not to a terminal
         click.echo(shown(path, None) if sys.stdout.isatty() else os.fsencode(path))
+    if report.problems and not repair:
+        found = count(len(report.problems), "problem")
+        raise StoreError(
+            f"{store}: {found}; 'mocapidx verify {store} --repair' mends what can be rebuilt"
+        )
+    if report.lost:
+        lost = count(len(report.lost), "document")
+        when = "" if report.set_aside else " in an earlier repair"
+        forget = "" if report.set_aside else ", or remove what segments/damaged-* holds of them"
+        raise StoreError(f"{store}: {lost} lost{when}; index the files named above again{forget}")
     if not report.problems:
         megabytes = report.size / 1e6
         note(f"{store}: sound; {count(report.documents, 'document')}, {megabytes:.1f} MB", quiet)
-        return 0
-    if report.lost:
-        lost = count(len(report.lost), "document")
-        raise StoreError(f"{store}: {lost} lost; index the files named above again")
-    if repair:
+    else:
         note(f"{store}: repaired", quiet)
-        return 0
-    found = count(len(report.problems), "problem")
-    raise StoreError(
-        f"{store}: {found}; 'mocapidx verify {store} --repair' mends what can be rebuilt"
-    )
+    return 0

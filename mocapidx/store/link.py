@@ -10,7 +10,7 @@ from mocapidx.durable import replace_file
 from mocapidx.errors import StoreError
 from mocapidx.store.manifest import FileRecord, file_digest
 
-__all__ = ["link_or_copy"]
+__all__ = ["NO_LINKS", "link_or_copy"]
 
 NO_LINKS: Final = frozenset(
     {errno.EXDEV, errno.EPERM, errno.EACCES, errno.EMLINK, errno.ENOTSUP, errno.EOPNOTSUPP}

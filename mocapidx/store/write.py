@@ -18,6 +18,7 @@ from mocapidx.durable import make_folder, replace_file, sync_folder, write_error
 from mocapidx.errors import MocapidxError, ParameterError, StoreError, WriteError
 from mocapidx.printable import count
 from mocapidx.store import schema
+from mocapidx.store.aside import put_aside
 from mocapidx.store.batch import Batch, batch_shapes, batch_size, check_batch
 from mocapidx.store.encoding import decode_manifest, encode_manifest, meta_json
 from mocapidx.store.image import lay_out
@@ -171,14 +172,9 @@ class Writer:
         WriteError
             As `commit` does.
         """
-        self._publish(None, dead=(), dropped={file.number for file in files})
-        folder = self.path / schema.SEGMENTS
-        moved = []
-        for name in (name for file in files for name in file.names):
-            with contextlib.suppress(FileNotFoundError):
-                os.rename(folder / name, folder / f"damaged-{name}")
-                moved.append(folder / f"damaged-{name}")
-        return moved
+        with self._explained(()), put_aside(self.path, files) as aside:
+            self._publish(None, dead=(), dropped={file.number for file in files})
+        return aside
 
     def _publish(
         self,

@@ -11,8 +11,9 @@ import numpy as np
 from mocapidx.features.featureset import PARTS, FeatureSet
 from mocapidx.index.build import build_runs
 from mocapidx.index.postings import encode_index
+from mocapidx.store.aside import lost_sources
 from mocapidx.store.files import DamagedError
-from mocapidx.store.manifest import SegmentFile
+from mocapidx.store.manifest import Document, SegmentFile
 from mocapidx.store.read import Snapshot, read_manifest
 from mocapidx.store.schema import SEGMENTS, SIGMA
 from mocapidx.store.sigma import drop_sigma, sigma_fault
@@ -41,7 +42,8 @@ class VerifyReport:
     set_aside : tuple of Path
         Damaged files, under their new names.
     lost : tuple of Path
-        Motion files whose documents were in them: to be indexed again.
+        Motion files whose documents were in damaged files, of this repair or an earlier one, and
+        are in the store no more: to be indexed again.
     """
 
     documents: int
@@ -108,7 +110,7 @@ def verify_store(
             # A merge beside us may have taken files away; then they are no problem.
             if not problems or attempt == ATTEMPTS or read_manifest(path) == snapshot.manifest:
                 break
-    return _summary(snapshot, problems)
+    return _summary(snapshot, problems, [entry.document for entry in snapshot.documents()])
 
 
 def _repair(
@@ -119,18 +121,16 @@ def _repair(
         problems = _problems(before, quick, report)
         broken = {problem.number for problem in problems if not problem.only_index}
         stale = {problem.number for problem in problems} - broken
-        lost = [file for file in before.files if file.number in broken]
-        set_aside = writer.set_aside(lost) if lost else []
+        damaged = [file for file in before.files if file.number in broken]
+        set_aside = writer.set_aside(damaged) if damaged else []
         rebuilt = []
         for file in before.files:
             if file.number in stale:
                 batch = merged_batch(before, [file], store_feature_set(before, checked=True))
                 after = writer.replace(batch, [file])
                 rebuilt.append(path / SEGMENTS / after.files[-1].names[1])
-    sources = sorted(
-        entry.document.source for file in lost for entry in file.placed() if entry.document.live
-    )
-    summary = _summary(before, problems, tuple(rebuilt), tuple(set_aside), tuple(sources))
+        held = writer.documents()
+    summary = _summary(before, problems, held, tuple(rebuilt), tuple(set_aside))
     if sigma_fault(path) is not None:
         drop_sigma(path)
     return summary
@@ -139,9 +139,9 @@ def _repair(
 def _summary(
     snapshot: Snapshot,
     problems: list[Problem],
+    held: Sequence[Document],
     rebuilt: tuple[Path, ...] = (),
     set_aside: tuple[Path, ...] = (),
-    lost: tuple[Path, ...] = (),
 ) -> VerifyReport:
     sigma = sigma_fault(snapshot.path)
     lines = [f"{snapshot.path / 'segments' / found.name}: {found.what}" for found in problems]
@@ -154,7 +154,7 @@ def _summary(
         problems=tuple(lines),
         rebuilt=rebuilt,
         set_aside=set_aside,
-        lost=lost,
+        lost=lost_sources(snapshot.path, held),
     )
 
 

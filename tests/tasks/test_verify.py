@@ -149,3 +149,16 @@ def test_a_feature_set_that_is_not_the_one_of_its_digest_is_an_error(tmp_path):
         with pytest.raises(StoreError, match="index the sources into a new store"):
             verify_store(tmp_path / name)
         assert verify_store(tmp_path / name, quick=True).problems == ()
+
+
+def test_what_an_earlier_repair_has_lost_is_named_until_it_is_indexed_again(store, mocapidx):
+    flip(store / "segments" / "000001.h5")
+    verify_store(store, repair=True)
+    for arguments in ([store], [store, "--repair"]):
+        done = mocapidx("verify", *arguments)
+        assert (done.returncode, done.stdout) == (4, "/takes/a\n/takes/b\n")
+        assert "2 documents lost in an earlier repair; index the files named above" in done.stderr
+    for listed in (store / "segments").glob("damaged-*"):
+        listed.unlink()
+    done = mocapidx("verify", store)
+    assert (done.returncode, done.stdout) == (0, "")
