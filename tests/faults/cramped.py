@@ -26,8 +26,12 @@ class Cramped(Attack):
         self.places = places
         self.said = None
         super().__init__(writer, pristine, None, places.seen)
-        changed = self.after.items() - self.before.items()
-        sizes = [(self.world / name).stat().st_size for name, kind in changed if kind != "folder"]
+        written = {
+            name
+            for name, content in self.after.items()
+            if content not in ("folder", self.before.get(name)) or name in writer.writes
+        }
+        sizes = [path.stat().st_size for path in map(self.world.joinpath, written) if path.is_file()]
         self.sizes = sorted(sizes)
         self.pages = sum(-(-size // PAGE) for size in sizes)
 
