@@ -100,6 +100,10 @@ def leave(code: int) -> NoReturn:
         if code == 0 and not isinstance(exc, BrokenPipeError):  # else one line was said already
             say(f"Error: could not write to the standard output: {(exc.strerror or '').lower()}")
             code = WriteError.exit_code
+    signal.setitimer(signal.ITIMER_REAL, 0)
+    for number in STOP_SIGNALS:  # whoever asks us to stop from now on has what he wants
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, lambda *_: os._exit(code))
     sys.exit(code)
 
 

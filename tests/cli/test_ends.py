@@ -108,6 +108,17 @@ def test_a_stop_after_a_file_was_written_does_not_deny_it(tmp_path):
     assert (tmp_path / "out").read_bytes() == b"all"
 
 
+def test_a_stop_after_the_end_changes_nothing():
+    done = run(
+        "import atexit, os\n"
+        "from mocapidx_cli import main, group\n"
+        "atexit.register(os.kill, os.getpid(), 15)\n"
+        "group.mocapidx.main = lambda **_: 5\n"
+        "main.main()\n"
+    )
+    assert (done.returncode, done.stderr) == (5, "")
+
+
 def test_want_of_memory_is_one_line_in_plain_words():
     done = run(
         "from mocapidx_cli import main, group\n"
