@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from mocapidx.durable import durable_replace, make_folder
-from mocapidx.errors import FormatError, Interrupted, ParameterError
+from mocapidx.errors import FormatError, Interrupted, ParameterError, WriteError
 from mocapidx.printable import count, shown
 from mocapidx.tasks.clips import ClipFormat, ClipSource, open_source
 from mocapidx.tasks.found import Found, read_found
@@ -143,6 +143,11 @@ def export_clips(
             done += len(own)
             if progress is not None:
                 progress(done, len(hits))
+    except WriteError as exc:
+        if not written:
+            raise
+        message = f"{exc}; {count(len(written), 'clip')} written; run again with --force"
+        raise WriteError(message) from exc
     except Interrupted as exc:
         message = f"stopped after {count(len(written), 'clip')}; run again with --force"
         raise Interrupted(exc.signal_number, message) from exc

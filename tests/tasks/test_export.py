@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mocapidx.errors import FormatError, Interrupted, ParameterError
+from mocapidx.errors import FormatError, Interrupted, ParameterError, WriteError
 from mocapidx.features.extract import extract_features
 from mocapidx.formats.registry import read_recording, sources_of
 from mocapidx.skeleton.resample import resample_motion
+from mocapidx.tasks import export as subject
 from mocapidx.tasks.export import SIDECAR, ExportOptions, export_clips
 from mocapidx.tasks.read import read_motion, read_take
 
@@ -244,6 +245,25 @@ def test_who_stops_it_is_told_how_far_it_came(tmp_path, fixtures_dir):
     options = ExportOptions(roots=(fixtures_dir,))
     with pytest.raises(Interrupted, match="stopped after 1 clip; run again with --force"):
         export_clips(hits, tmp_path / "clips", options, progress=stop)
+
+
+def test_a_disk_that_is_full_half_way_is_told_with_how_far_it_came(
+    tmp_path, fixtures_dir, monkeypatch
+):
+    records = [record(document, 1, 2, rank=n) for n, document in enumerate(TAKES, start=1)]
+    hits = records_file(tmp_path / "hits.jsonl", records)
+    real, written = subject.durable_replace, []
+
+    def write(path, data):
+        if len(written) == 2:  # an AMC and its ASF
+            raise WriteError(f"no space left on / for {path}; {path} is not there")
+        written.append(path)
+        real(path, data)
+
+    monkeypatch.setattr(subject, "durable_replace", write)
+    options = ExportOptions(roots=(fixtures_dir,))
+    with pytest.raises(WriteError, match=r"not there; 1 clip written; run again with --force"):
+        export_clips(hits, tmp_path / "clips", options)
 
 
 def test_nothing_is_replaced_without_force(exported):
