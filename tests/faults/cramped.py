@@ -13,7 +13,8 @@ WHY = re.compile(
     r"no space left on \S+ for \S+: (needed (about|at least) \d+ [kM]B, )?"
     r"(free \d+ [kM]B(, but no room for one more file \(inodes\); remove some there)?"
     r"|over the limit for the size of a file \(ulimit -f: \d+ [kM]B\))"
-    r"; (\S+ is (unchanged|not there)|nothing was made"
+    r"; (\S+ is (unchanged|not there)(; \d+ clips? written; run again with --force)?"
+    r"|nothing was made"
     r"|store unchanged( \(\d+ documents?\))?"
     r"|what was saved before stays \(\d+ documents?\); run again to continue)"
 )
@@ -31,7 +32,9 @@ class Cramped(Attack):
             for name, content in self.after.items()
             if content not in ("folder", self.before.get(name)) or name in writer.writes
         }
-        sizes = [path.stat().st_size for path in map(self.world.joinpath, written) if path.is_file()]
+        sizes = [
+            path.stat().st_size for path in map(self.world.joinpath, written) if path.is_file()
+        ]
         self.sizes = sorted(sizes)
         self.pages = sum(-(-size // PAGE) for size in sizes)
 

@@ -87,7 +87,7 @@ class Tally:
     """What was tried, and what went wrong in it."""
 
     def __init__(self):
-        self.tried, self.wrong = 0, []
+        self.kind, self.tried, self.wrong = "", 0, []
 
     def judge(self, what, judge, *arguments, **options):
         self.tried += 1
@@ -99,10 +99,10 @@ class Tally:
 
 
 @pytest.fixture
-def tally(request, reported):
+def tally(reported):
     found = Tally()
     yield found
-    reported(request.node.name, found.tried, len(found.wrong))
+    reported(found.kind, found.tried, len(found.wrong))
     assert not found.wrong, "\n".join([f"{len(found.wrong)} of {found.tried}", *found.wrong[:5]])
 
 
@@ -115,7 +115,7 @@ def levels(is_full, few, step=1):
 def test_without_room_nothing_changes_and_the_work_is_done_later(
     name, cramped, small_disk, is_full, tally
 ):
-    command = cramped(name)
+    tally.kind, command = f"full disk {name}", cramped(name)
     for pages in levels(is_full, [command.pages // 2], 1 + command.pages // 50):
         command.lay_out()
         small_disk.leave_pages(pages)
@@ -129,7 +129,7 @@ def test_without_room_nothing_changes_and_the_work_is_done_later(
 def test_without_names_for_files_nothing_changes_and_the_work_is_done_later(
     name, cramped, small_disk, is_full, tally
 ):
-    command = cramped(name)
+    tally.kind, command = f"no inodes {name}", cramped(name)
     for files in levels(is_full, [0]):
         command.lay_out()
         small_disk.leave_files(files)
@@ -142,7 +142,7 @@ def test_without_names_for_files_nothing_changes_and_the_work_is_done_later(
 def test_with_a_limit_for_files_nothing_changes_and_the_work_is_done_later(
     name, cramped, is_full, tally
 ):
-    command = cramped(name)
+    tally.kind, command = f"file-size limit {name}", cramped(name)
     limits = {0, *(size // 2 for size in command.sizes), *(size - 1 for size in command.sizes)}
     few = [max(command.sizes, default=0) // 2]
     for limit in sorted(limits) if is_full else few:
@@ -161,6 +161,7 @@ def close(request, places):
 
 
 def test_where_nothing_may_be_written_no_input_is_read(cramped, places, close, tally):
+    tally.kind = f"writers, {close.__name__}"
     for name in WRITERS.keys() - EFFORTLESS:
         tally.judge(name, judge_closed, cramped(name), places, close)
 
@@ -180,6 +181,7 @@ def judge_closed(command, places, close):
 
 
 def test_where_the_folder_is_missing_no_input_is_read(cramped, places, tally):
+    tally.kind = "writers, no folder"
     for name in WRITERS.keys() - {"man"}:
         command = cramped(name)
         words = command.writer.words()
@@ -211,6 +213,7 @@ def read(pristine, places):
 
 
 def test_what_may_only_be_read_can_be_searched(pristine, places, read, close, tally):
+    tally.kind = f"readers, {close.__name__}"
     places.lay_out(pristine)
     before = tree_of(places.seen)
     close()
@@ -233,6 +236,7 @@ def given_away(pristine, places):
 
 
 def test_somebody_elses_store_can_be_searched_and_not_changed(given_away, read, tally):
+    tally.kind = "somebody else's stores"
     before = tree_of(given_away.seen)
     for words in READERS:
         found = run_reader(given_away, words, powerless=True)
@@ -286,6 +290,7 @@ def judge_same(found, expected):
 
 
 def test_a_full_standard_output_is_told_and_the_work_is_done(cramped, places, tally):
+    tally.kind = "writers, full standard output"
     for name in WRITERS:
         tally.judge(name, judge_mute, cramped(name), places)
 
@@ -301,6 +306,7 @@ def judge_mute(command, places):
 
 
 def test_a_reader_that_can_not_print_says_so(pristine, places, read, tally):
+    tally.kind = "readers, full standard output"
     places.lay_out(pristine)
     for words in READERS:
         _, _, wrote = read[words]
