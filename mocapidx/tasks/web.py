@@ -176,7 +176,7 @@ def build_web(
         summary.cells = all_cells
         workers = _workers(options.jobs, all_cells)
         compare = partial(_compare, rate=building.rate, rules=options.rules)
-        done = pending = compared = 0
+        done = pending = compared = written = 0
         try:
             with _one_thread(), nullcontext(map_fn) if map_fn else mapping(workers) as apply:
                 found = apply(compare, map(building.filled, blocks))
@@ -186,11 +186,11 @@ def build_web(
                     compared += len(block.completes)
                     if pending >= options.batch_cells and done < all_cells:
                         building.write(kept)
-                        pending = 0
+                        pending, written = 0, compared
                     if progress is not None:
                         progress(WebProgress(compared, len(missing), done, all_cells))
         except Interrupted as exc:
-            message = f"stopped after {count(compared, 'pair')}; run again to continue"
+            message = f"stopped after {count(written, 'pair')}; run again to continue"
             raise Interrupted(exc.signal_number, message) from exc
         if missing or changed or building.differs(kept):
             building.write(kept)

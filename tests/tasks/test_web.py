@@ -129,10 +129,11 @@ def test_an_interrupted_build_goes_on_where_it_was(store, tmp_path, monkeypatch)
         if len(done) == 5:
             raise Interrupted(15)
 
-    with pytest.raises(Interrupted, match="run again to continue"):
-        build_web(store, web, WebOptions(batch_cells=3600), progress=stop)
+    with pytest.raises(Interrupted) as stopped:
+        build_web(store, web, WebOptions(batch_cells=5400), progress=stop)
     held = web_info(web)["pairs"]
     assert 0 < held < 10
+    assert str(stopped.value) == f"stopped after {held} pairs; run again to continue"
     assert build_web(store, web).new_pairs == 10 - held
     build_web(store, whole)
     assert web.read_bytes() == whole.read_bytes()
