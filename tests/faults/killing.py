@@ -296,6 +296,10 @@ class Course:
         assert ending.said.count("Error: ") == 1, ending
         assert re.fullmatch(f"{NOTHING}|{WHOLE}|{self.run.stopped}", line), ending
         assert line != NOTHING or not commits, f"{commits} commits: {ending}"
+        if number := re.match(r"stopped after (\d+) document", line):
+            before, after = (self.states[n] for n in (self.position - commits, self.position))
+            there = new_documents(before, after)
+            assert int(number[1]) <= there, f"only {there} are there: {ending}"
 
     def temporary(self):
         """Files that a killed writer left, or that this one did."""
@@ -324,6 +328,13 @@ def names_in(manifest):
         for name, live in zip(column["name"], column["live"], strict=True)
         if live
     )
+
+
+def new_documents(before, after):
+    """Count the documents in segment files that were not there before."""
+    numbers = {file["number"] for file in json.loads(before[0])["files"]} if before else set()
+    files = json.loads(after[0])["files"] if after else []
+    return sum(len(file["documents"]["name"]) for file in files if file["number"] not in numbers)
 
 
 def state_of(target):
