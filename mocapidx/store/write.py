@@ -223,8 +223,7 @@ class Writer:
         return self._snapshot
 
     def _write_segment(self, batch: Batch, number: int) -> SegmentFile:
-        folder = self.path / schema.SEGMENTS
-        folder.mkdir(exist_ok=True)
+        folder = self._segments_folder()
         contents = {
             path: (values,) if isinstance(values, np.ndarray) else values
             for path, values in batch.arrays.items()
@@ -252,10 +251,10 @@ class Writer:
     def _link_segments(
         self, adopted: Sequence[tuple[Path, SegmentFile]], number: int, needed: list[int]
     ) -> list[SegmentFile]:
-        folder = self.path / schema.SEGMENTS
-        taken = []
+        if not adopted:
+            return []
+        folder, taken = self._segments_folder(), []
         for place, (store, file) in enumerate(adopted, start=number):
-            folder.mkdir(exist_ok=True)
             for old, new, record in zip(
                 file.names, segment_names(place), (file.h5, file.idx), strict=True
             ):
@@ -263,9 +262,16 @@ class Writer:
                 if link_or_copy(store / schema.SEGMENTS / old, folder / new, record):
                     needed.pop()
             taken.append(replace(file, number=place))
-        if taken:
-            sync_folder(folder)
+        sync_folder(folder)
         return taken
+
+    def _segments_folder(self) -> Path:
+        folder = self.path / schema.SEGMENTS
+        folder.mkdir(exist_ok=True)
+        if not self.manifest.generation:
+            # Else a disk might keep the manifest and lose the folder of what it names.
+            sync_folder(self.path)
+        return folder
 
     @contextlib.contextmanager
     def _explained(self, needed: Sequence[int]) -> Iterator[None]:

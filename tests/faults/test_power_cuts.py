@@ -1,5 +1,6 @@
 """The power fails after each call of each writing command, on a disk that keeps what was synced."""
 
+import itertools
 import random
 
 import pytest
@@ -9,16 +10,20 @@ from tests.faults.faulting import tree_of
 from tests.faults.world import WRITERS
 
 FEW = 2  # cuts of each command in a short run
-CHANCES = 3  # of the changes of names that may have reached the disk
+CHANCES = 16
 
 
 def kept_of(pending, rng):
-    """Parts of the changes that may have reached the disk: none, all, some that came in order."""
-    kept = [[], list(pending)]
-    for _ in range(CHANCES if len(pending) > 1 else 0):
-        kept.append(pending[: rng.randrange(1, len(pending))])
-        kept.append([change for change in pending if rng.random() < 0.5])
-    return kept
+    """Parts of the changes that may have reached the disk: any where there are few changes."""
+    if 2 ** len(pending) <= CHANCES:
+        return [
+            list(part)
+            for size in range(len(pending) + 1)
+            for part in itertools.combinations(pending, size)
+        ]
+    in_order = [pending[: rng.randrange(len(pending))] for _ in range(CHANCES // 2)]
+    at_random = [[each for each in pending if rng.random() < 0.5] for _ in range(CHANCES // 2)]
+    return [[], list(pending), *in_order, *at_random]
 
 
 @pytest.mark.parametrize("name", WRITERS)
