@@ -185,7 +185,7 @@ def _work(function: Callable[[Any], Any], pipe: Connection) -> None:
     threading.Thread(target=_follow_parent, daemon=True).start()
     items: SimpleQueue[tuple[Any, ...]] = SimpleQueue()
     threading.Thread(target=_receive, args=(pipe, items), daemon=True).start()
-    with contextlib.suppress(OSError):
+    with contextlib.suppress(OSError, MemoryError):  # our end says enough to our parent
         while received := items.get():
             try:
                 answer = True, function(*received)
@@ -198,7 +198,7 @@ def _work(function: Callable[[Any], Any], pipe: Connection) -> None:
 def _receive(pipe: Connection, items: "SimpleQueue[tuple[Any, ...]]") -> None:
     """Take items as they come, so that who sends one never waits for who sends a large result."""
     try:
-        with contextlib.suppress(EOFError, OSError):
+        with contextlib.suppress(EOFError, OSError, MemoryError):
             while True:
                 items.put((pipe.recv(),))
     finally:

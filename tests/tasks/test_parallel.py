@@ -1,5 +1,7 @@
 import os
 import pickle
+import re
+import resource
 import signal
 import subprocess
 import sys
@@ -35,6 +37,19 @@ def die(number):
     os.kill(os.getpid(), signal.SIGKILL)
 
 
+def stay_small(item):
+    """Let this process have little more memory than it has now."""
+    status = Path("/proc/self/status").read_text()
+    most = (int(re.search(r"VmData:\s+(\d+) kB", status)[1]) << 10) + (60 << 20)
+    resource.setrlimit(resource.RLIMIT_DATA, (most, most))
+    return len(item)
+
+
+def answer_at_length(size):
+    stay_small("")
+    return "x" * size
+
+
 @pytest.mark.parametrize("jobs", [1, 2, 3])
 def test_results_come_in_the_order_of_the_items(jobs):
     with mapping(jobs) as apply:
@@ -59,6 +74,19 @@ def test_what_an_item_raises_is_raised_at_its_turn_and_tells_where():
         with pytest.raises(ParameterError, match="no 3, please") as caught:
             next(results)
     assert "in complain" in caught.value.__notes__[0]
+
+
+@pytest.mark.parametrize(
+    ("function", "items"),
+    [(stay_small, ["x", "x", "x" * (70 << 20)]), (answer_at_length, [1, 1, 40 << 20])],
+)
+def test_a_worker_without_memory_for_what_it_is_sent_or_sends_ends_silently(capfd, function, items):
+    with (
+        mapping(2) as apply,
+        pytest.raises(MocapidxError, match=r"a worker process died.*want of memory"),
+    ):
+        list(apply(function, items))
+    assert capfd.readouterr().err == ""
 
 
 def test_a_worker_that_dies_is_an_error_with_advice():
