@@ -39,14 +39,14 @@ def main():
         sys.exit("fuzzing needs atheris: pip install -e '.[test,fuzz]'")
     if arguments.kernels and not list(arguments.kernels.glob("mocapidx/kernels/_text.*")):
         sys.exit(f"{arguments.kernels}: no kernels here; 'make fuzz' builds them")
-    failed = False
+    names, failed = arguments.entry or ENTRIES, False
+    if arguments.keep:
+        for name in names:
+            keep_few(name, arguments.work / name, arguments.kernels)
+        return
     print(*HEADER, sep="\t", flush=True)
-    for name in arguments.entry or ENTRIES:
-        place = arguments.work / name
-        if arguments.keep:
-            keep_few(name, place, arguments.kernels)
-            continue
-        row = fuzz(name, place, arguments.kernels, arguments.seconds)
+    for name in names:
+        row = fuzz(name, arguments.work / name, arguments.kernels, arguments.seconds)
         print(*row, sep="\t", flush=True)
         if arguments.report:
             with arguments.report.open("a") as file:
