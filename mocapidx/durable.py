@@ -26,6 +26,7 @@ __all__ = [
     "durable_replace",
     "has_written",
     "make_folder",
+    "remove_abandoned",
     "replace_file",
     "sync_folder",
     "write_error",
@@ -126,7 +127,9 @@ def replace_file(path: Path, chunks: Chunk | Iterable[Chunk]) -> None:
             os.rename(temporary, target)
         except BaseException:
             with contextlib.suppress(OSError):
-                os.unlink(temporary)
+                # After the rename another writer may have one of this name.
+                if _is_at(descriptor, temporary):
+                    os.unlink(temporary)
             raise
     finally:
         os.close(descriptor)
@@ -175,6 +178,24 @@ def has_written() -> bool:
         For the last words of a command that was stopped.
     """
     return bool(_put_in_place)
+
+
+def remove_abandoned(path: Path) -> None:
+    """Remove a temporary file that nobody is writing any more; any other one stays.
+
+    Parameters
+    ----------
+    path : Path
+        The file; need not exist. Where files can't be locked it stays.
+    """
+    with contextlib.suppress(OSError):
+        descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if _is_at(descriptor, path):
+                os.unlink(path)
+        finally:
+            os.close(descriptor)
 
 
 def sync_folder(folder: Path) -> None:
@@ -272,7 +293,7 @@ def _open_temporary(target: Path) -> tuple[Path, int]:
     # 180 bytes of the name are plenty to recognise it, and no file system minds the rest.
     stem = os.fsdecode(os.fsencode(target.name)[:180])
     usual = target.with_name(f"{stem}.mocapidx.tmp")
-    _remove_abandoned(usual)
+    remove_abandoned(usual)
     try:
         return usual, _create_locked(usual)
     except FileExistsError:
@@ -286,31 +307,27 @@ def _create_locked(path: Path) -> int:
     descriptor = -1
     try:
         descriptor = os.open(path, flags, 0o666)
-        # Where files can't be locked, what a killed writer leaves stays.
-        with contextlib.suppress(OSError):
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        # Somebody may have taken it for abandoned before it was locked.
-        if not _is_at(descriptor, path):
+        # Somebody may take it for abandoned before it is locked, and remove it in a moment.
+        if not (_lock(descriptor) and _is_at(descriptor, path)):
             raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
     except BaseException as exc:
         if descriptor >= 0:
             os.close(descriptor)
         if not isinstance(exc, FileExistsError):
-            _remove_abandoned(path)
+            remove_abandoned(path)
         raise
     return descriptor
 
 
-def _remove_abandoned(path: Path) -> None:
-    """Remove a temporary file that nobody has locked; any other one stays."""
-    with contextlib.suppress(OSError):
-        descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            if _is_at(descriptor, path):
-                os.unlink(path)
-        finally:
-            os.close(descriptor)
+def _lock(descriptor: int) -> bool:
+    """Lock a temporary file; False if somebody else has. Where there are no locks nobody has."""
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        pass  # what a killed writer leaves here stays
+    return True
 
 
 def _is_at(descriptor: int, path: Path) -> bool:

@@ -229,6 +229,41 @@ def test_what_another_writer_is_writing_stays(target, tmp_path):
     assert names(tmp_path) == ["out.txt"]
 
 
+def test_a_file_that_another_writer_is_about_to_take_away_is_not_written(
+    target, tmp_path, monkeypatch
+):
+    usual, opened = tmp_path / "out.txt.mocapidx.tmp", os.open
+    rivals = []
+
+    def locked_by_a_rival(path, flags, *mode, **options):
+        descriptor = opened(path, flags, *mode, **options)
+        if flags & os.O_CREAT and not rivals:
+            rivals.append(opened(path, os.O_RDONLY))
+            fcntl.flock(rivals[0], fcntl.LOCK_EX)
+        return descriptor
+
+    monkeypatch.setattr(os, "open", locked_by_a_rival)
+    durable_replace(target, b"after")
+    assert target.read_bytes() == b"after"
+    assert usual.exists()  # the rival's to remove; written, it could have become the target
+    os.close(rivals[0])
+
+
+def test_a_stop_after_the_rename_takes_nothing_of_another_writer(target, tmp_path, monkeypatch):
+    usual, rename = tmp_path / "out.txt.mocapidx.tmp", os.rename
+
+    def stopped(*places):
+        rename(*places)
+        usual.write_bytes(b"another's")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "rename", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        durable_replace(target, b"after")
+    assert target.read_bytes() == b"after"
+    assert usual.read_bytes() == b"another's"
+
+
 def test_a_stranger_beside_that_cannot_be_locked_is_left_alone(target, tmp_path):
     strange = tmp_path / "out.txt.mocapidx.tmp"
     strange.symlink_to(tmp_path / "elsewhere")

@@ -5,7 +5,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from mocapidx.durable import sync_folder
+from mocapidx.durable import remove_abandoned, sync_folder
 from mocapidx.errors import ParameterError, WriteError
 from mocapidx.store import schema
 from mocapidx.store.manifest import Manifest
@@ -106,7 +106,10 @@ def sweep(path: Path, manifest: Manifest) -> None:
         elif match and place.name not in named:
             (debris if int(match[1]) >= manifest.next_number else replaced).append(place)
     for place in debris:
-        place.unlink(missing_ok=True)
+        if place.name.startswith(schema.SIGMA):  # written by readers, which take no lock
+            remove_abandoned(place)
+        else:
+            place.unlink(missing_ok=True)
     if replaced:
         # The manifest that drops them may have been renamed in but not synced.
         sync_folder(path)

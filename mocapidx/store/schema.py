@@ -42,7 +42,8 @@ SIGMA: Final = "SIGMA"
 SEGMENTS: Final = "segments"
 SEGMENT_NAME: Final = re.compile(r"([0-9]{6,12})\.(h5|idx)", re.ASCII)
 TEMPORARY_NAME: Final = re.compile(
-    r"(MANIFEST|SIGMA|[0-9]{6,12}\.(h5|idx))\.(mocapidx|[0-9]+)\.tmp", re.ASCII
+    r"(MANIFEST|SIGMA|[0-9]{6,12}\.(h5|idx)|damaged-[0-9]{6,12}\.jsonl)\.(mocapidx|[0-9]+)\.tmp",
+    re.ASCII,
 )
 
 MANIFEST_LIMIT: Final = 64 << 20

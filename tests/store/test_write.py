@@ -1,4 +1,5 @@
 import errno
+import fcntl
 import gc
 import os
 import re
@@ -138,6 +139,7 @@ def test_a_reader_beside_merges_sees_one_snapshot_to_its_end(store):
 def test_what_a_killed_writer_left_is_removed_and_nothing_else(store):
     before = store_bytes(store)
     debris = ["000003.h5", "000003.idx.4711.tmp", "000001.h5.1.tmp"]
+    debris += ["000003.h5.mocapidx.tmp", "damaged-000001.jsonl.mocapidx.tmp"]
     strangers = ["damaged-000001.h5", "notes.txt", "3.h5"]
     for name in debris + strangers:
         (store / "segments" / name).write_bytes(b"x")
@@ -154,6 +156,17 @@ def test_two_writers_never_write_at_a_time(store):
         writing(store, command="compact"),
     ):
         pass
+
+
+def test_what_a_query_is_measuring_is_not_swept_away(store):
+    with (store / "SIGMA.mocapidx.tmp").open("wb") as held:  # as `save_sigma` does, without LOCK
+        fcntl.flock(held, fcntl.LOCK_EX)
+        with writing(store, command="test"):
+            pass
+        assert (store / "SIGMA.mocapidx.tmp").exists()
+    with writing(store, command="test"):
+        pass
+    assert not (store / "SIGMA.mocapidx.tmp").exists()
 
 
 def test_arrays_may_come_piece_by_piece(store, tmp_path):
