@@ -47,30 +47,34 @@ def in_limited_child(memory: int = MEMORY, seconds: int = SECONDS) -> int | None
     StoreError
         In the parent, if the child crashed or ran out of time.
     Interrupted
-        In the parent, after the child got the same signal and ended.
+        In the parent, if the child got the same signal and could not say what was done.
     """
     heard, hears = os.pipe()
     os.set_blocking(hears, False)
+    # A stop between here and there would leave the child alone.
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, STOP_SIGNALS)
     child = os.fork()
     if not child:
         resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
         resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         signal.set_wakeup_fd(hears, warn_on_full_buffer=False)
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         return None
     os.close(hears)
     try:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         code = _ending(child)
     except Interrupted as exc:
+        for number in STOP_SIGNALS:
+            signal.signal(number, partial(_end_both, child))
         # Ctrl-C reaches us both; a second signal would end the child before it has cleaned up.
         if not select.select([heard], [], [], PATIENCE)[0]:
             os.kill(child, exc.signal_number)
-        for number in STOP_SIGNALS:
-            signal.signal(number, partial(_end_both, child))
         code = _ending(child)
-        if code == 128 + exc.signal_number:  # the child has said what was done
-            return code
-        raise
+        if code < 0:  # else the child has said what was done
+            message = "interrupted; what was written is whole"
+            raise Interrupted(exc.signal_number, message) from exc
     finally:
         os.close(heard)
     if code < 0:

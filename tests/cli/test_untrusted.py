@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from mocapidx.errors import StoreError
-from mocapidx.tasks.untrusted import in_limited_child
+from mocapidx.errors import Interrupted, StoreError
+from mocapidx.tasks.untrusted import STOP_SIGNALS, in_limited_child
 
 # The children do next to nothing, and need none of the test runner's threads.
 pytestmark = pytest.mark.filterwarnings("ignore:.*multi-threaded:DeprecationWarning")
@@ -104,7 +104,7 @@ def test_an_exit_code_goes_through():
 
 
 WAITING = """
-import sys, time
+import os, sys, time
 from mocapidx.tasks import untrusted
 from mocapidx_cli import main, group
 untrusted.MEMORY = 1 << 30
@@ -165,6 +165,47 @@ def test_a_stop_reaches_the_child_once_whoever_gets_it(number, send, tmp_path):
     assert output == "cleaned\n"
     assert said == "Error: interrupted; nothing was written\n"
     assert is_gone(process.pid)
+
+
+def test_a_stop_that_comes_when_the_child_is_done_changes_nothing(tmp_path):
+    process = started(
+        "\n    try:\n        time.sleep(60)\n    except BaseException:\n        sys.exit(0)",
+        tmp_path,
+    )
+    os.kill(process.pid, signal.SIGTERM)
+    _, said = process.communicate(timeout=60)
+    assert (process.returncode, said) == (0, "")
+
+
+def test_a_child_that_a_stop_ends_before_it_can_speak_has_written_whole_files(tmp_path):
+    work = "\n    try: time.sleep(60)\n    except BaseException: os.kill(os.getpid(), 9)"
+    process = started(work, tmp_path)
+    os.kill(process.pid, signal.SIGTERM)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 128 + signal.SIGTERM
+    assert said == "Error: interrupted; what was written is whole\n"
+
+
+def test_a_stop_while_the_child_is_made_reaches_it(monkeypatch):
+    fork = os.fork
+    before = {number: signal.getsignal(number) for number in STOP_SIGNALS}
+
+    def stop(number, _frame):
+        raise Interrupted(number)
+
+    def stopped():
+        child = fork()
+        if child:
+            os.kill(os.getpid(), signal.SIGTERM)
+        return child
+
+    monkeypatch.setattr(os, "fork", stopped)
+    signal.signal(signal.SIGTERM, stop)
+    try:
+        assert ending_of(lambda: time.sleep(60)) == 4
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def test_a_second_stop_ends_both_at_once(tmp_path):
