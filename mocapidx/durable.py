@@ -157,7 +157,12 @@ def make_folder(path: Path) -> bool:
     """
     try:
         path.mkdir()
-        sync_folder(path.parent)
+        try:
+            sync_folder(path.parent)
+        except BaseException:
+            with contextlib.suppress(OSError):
+                path.rmdir()
+            raise
     except FileExistsError as exc:
         if not path.is_dir():
             raise ParameterError(f"{path}: is a file, expected a folder") from exc

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from mocapidx import durable
-from mocapidx.durable import durable_replace, sync_folder
+from mocapidx.durable import durable_replace, make_folder, sync_folder
 from mocapidx.errors import ParameterError, WriteError
 
 
@@ -227,6 +227,13 @@ def test_what_another_writer_is_writing_stays(target, tmp_path):
     durable_replace(target, chunks())
     assert target.read_bytes() == b"the last"
     assert names(tmp_path) == ["out.txt"]
+
+
+def test_a_folder_that_cannot_be_synced_is_not_made(tmp_path, monkeypatch):
+    monkeypatch.setattr(os, "fsync", failing(errno.EIO))
+    with pytest.raises(WriteError, match="nothing was made"):
+        make_folder(tmp_path / "new")
+    assert names(tmp_path) == []
 
 
 def test_a_file_that_another_writer_is_about_to_take_away_is_not_written(
