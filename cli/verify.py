@@ -30,8 +30,9 @@ def verify(
 ) -> int:
     """Check every byte of STORE; repair what can be rebuilt.
 
-    The exit code is 4 where damage was found, 0 where there is none or all was rebuilt. A repair
-    prints the motion files that have to be indexed again, one a line.
+    The exit code is 4 where damage was found, or what was lost with it is not indexed again yet;
+    0 where there is none or all was rebuilt. The motion files that have to be indexed again are
+    printed, one a line.
 
     \b
     Example:
