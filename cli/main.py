@@ -161,6 +161,8 @@ def wait_for_child() -> None:
         code = in_limited_child()
     except StoreError as exc:
         fail(str(exc), exc.exit_code)
+    except OSError as exc:  # no more processes
+        fail(f"the process for untrusted files could not be started: {exc.strerror}", 1)
     if code is not None:
         sys.exit(code)
 

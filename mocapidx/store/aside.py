@@ -9,19 +9,17 @@ import json
 import os
 from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
-from typing import Final
 
 from mocapidx.durable import replace_file, sync_folder
 from mocapidx.errors import StoreError
 from mocapidx.store import schema
 from mocapidx.store.files import open_regular, read_exactly
+from mocapidx.store.json_text import from_json
 from mocapidx.store.link import NO_LINKS
 from mocapidx.store.manifest import Document, SegmentFile
 from mocapidx.store.read import read_manifest
 
 __all__ = ["lost_sources", "put_aside"]
-
-LIMIT: Final = 1 << 28  # bytes
 
 
 @contextlib.contextmanager
@@ -94,7 +92,7 @@ def lost_sources(store: Path, documents: Iterable[Document]) -> tuple[Path, ...]
     lost: set[str] = set()
     for place in (store / schema.SEGMENTS).glob("damaged-*.jsonl"):
         with contextlib.suppress(OSError, EOFError, ValueError, TypeError, RecursionError):
-            for name, source in map(json.loads, _read(place).splitlines()):
+            for name, source in map(from_json, _read(place).splitlines()):
                 os.fsencode(source)  # else it is the name of no file
                 if not present & {name, source}:
                     lost.add(source)
@@ -122,6 +120,6 @@ def _link(source: Path, target: Path) -> None:
 def _read(place: Path) -> bytes:
     descriptor = open_regular(place)
     try:
-        return read_exactly(descriptor, 0, min(os.fstat(descriptor).st_size, LIMIT))
+        return read_exactly(descriptor, 0, min(os.fstat(descriptor).st_size, schema.MANIFEST_LIMIT))
     finally:
         os.close(descriptor)

@@ -8,6 +8,7 @@ from typing import Final
 
 from mocapidx.durable import replace_file
 from mocapidx.errors import StoreError
+from mocapidx.store.files import open_regular
 from mocapidx.store.manifest import FileRecord, file_digest
 
 __all__ = ["NO_LINKS", "link_or_copy"]
@@ -58,7 +59,7 @@ def link_or_copy(source: Path, target: Path, record: FileRecord) -> bool:
 def _checked(source: Path, record: FileRecord) -> Iterator[bytes]:
     """Read a file piece by piece; the last one comes only if the whole is right."""
     digest, size = file_digest(b""), 0
-    with source.open("rb") as file:
+    with open(open_regular(source), "rb") as file:
         while piece := file.read(PIECE):
             digest.update(piece)
             size += len(piece)
