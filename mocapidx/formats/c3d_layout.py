@@ -230,6 +230,10 @@ def _parameters(where: str, data: bytes, at: int, big: bool) -> Iterator[tuple[s
         if offset == 0:
             break
         at = after + offset
+        if group > 0 and found[-1][2].offset + len(found[-1][2].data) > at:
+            raise FormatError(
+                f"{where}: parameter {shown(name)} runs into the next one; is the file damaged?"
+            )
     else:
         raise FormatError(f"{where}: more than {MOST_PARAMETERS} parameters; is it damaged?")
     for group, name, parameter in found:
