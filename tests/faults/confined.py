@@ -8,17 +8,13 @@ that has imported the program.
 
 import ctypes
 import fcntl
-import gc
-import importlib
 import json
 import os
 import resource
 import sys
-import traceback
 from pathlib import Path
 
-import mocapidx.tasks
-from mocapidx_cli.main import COMMANDS, main
+from tests.faults.program import be_program, import_program
 
 NEW_MOUNTS, NEW_USERS = 0x20000, 0x10000000
 READ_ONLY, REMOUNT, PRIVATE = 0x1, 0x20, 0x4000 | 0x40000
@@ -78,32 +74,6 @@ def give_up_power():
     header, nothing = (ctypes.c_uint32 * 2)(CAPABILITIES, 0), (ctypes.c_uint32 * 6)()
     if system.capset(header, nothing):
         os._exit(98)
-
-
-def be_program(words):
-    """Be the program, until it ends."""
-    code = 99
-    sys.stdin, sys.stdout, sys.stderr = (os.fdopen(n, m) for n, m in enumerate("rww"))
-    sys.argv = ["mocapidx", *words]
-    try:
-        main()
-    except SystemExit as exc:
-        code = exc.code or 0
-    except BaseException:
-        traceback.print_exc()
-    finally:
-        os._exit(code)
-
-
-def import_program():
-    for name, _ in COMMANDS.values():
-        importlib.import_module(f"mocapidx_cli.{name.partition(':')[0]}")
-    for path in Path(mocapidx.tasks.__file__).parent.glob("*.py"):
-        if path.stem != "cluster":  # which starts threads of its own
-            importlib.import_module(f"mocapidx.tasks.{path.stem}")
-    importlib.import_module("matplotlib.backends.backend_agg")
-    importlib.import_module("matplotlib.figure")
-    gc.freeze()
 
 
 JOBS = {"own_mounts": own_mounts, "mount": mount, "remount": remount, "run": run}

@@ -14,7 +14,8 @@ import traceback
 from pathlib import Path
 
 from mocapidx.store.read import open_store
-from tests.faults.warm import main_code, take_streams, warm_up
+from tests.faults.program import import_program
+from tests.faults.warm import main_code, take_streams
 
 WRITERS, READERS = 8, 4
 WAIT = "300"  # seconds for the lock; far more than it takes
@@ -141,7 +142,7 @@ class Actor:
 
 def crowd(world, seconds):
     """Start everybody, wait for all, and sum up what they did."""
-    warm_up()
+    import_program()
     (world / "acknowledged").touch()
     first = Actor(world, "first", float("inf"))
     first.write(most=1)  # so that there is a store

@@ -8,16 +8,12 @@ the standard output. What the command itself prints goes to the files `out` and 
 """
 
 import ctypes
-import gc
-import importlib
 import json
 import os
 import sys
-import traceback
 from pathlib import Path
 
-import mocapidx.tasks
-from cli.main import COMMANDS, main
+from tests.faults.program import be_program, import_program
 
 KINDS = ("none", "kill", "torn", "full", "broken", "interrupted", "short")
 
@@ -30,12 +26,7 @@ def serve(work):
     library.faultpoints_arm.argtypes = [
         ctypes.c_char_p, ctypes.c_int, ctypes.c_long, ctypes.c_char_p,
     ]  # fmt: skip
-    for name, _ in COMMANDS.values():
-        importlib.import_module(f"cli.{name.partition(':')[0]}")
-    for path in Path(mocapidx.tasks.__file__).parent.glob("*.py"):
-        if path.stem != "cluster":  # which starts threads of its own
-            importlib.import_module(f"mocapidx.tasks.{path.stem}")
-    gc.freeze()
+    import_program()
     for line in sys.stdin:
         world, words, kind, point, synced = json.loads(line)
         child = os.fork()
@@ -51,26 +42,15 @@ def serve(work):
 
 def run(library, work, world, words, fault):
     """Be the program, until it ends."""
-    code = 99
-    try:
-        os.chdir(world)
-        nothing = os.open(os.devnull, os.O_RDONLY)
-        out = os.open(work / "out", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
-        err = os.open(work / "err", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
-        for place, file in enumerate((nothing, out, err)):
-            os.dup2(file, place)
-        sys.stdin, sys.stdout, sys.stderr = (os.fdopen(n, m) for n, m in enumerate("rww"))
-        sys.argv = ["mocapidx", *words]
-        library.faultpoints_arm(os.fsencode(world), *fault)
-        main()
-    except SystemExit as exc:
-        code = exc.code or 0
-    except BaseException:
-        traceback.print_exc()
-    finally:
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(code)
+    os.chdir(world)
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    out, err = (
+        os.open(work / name, os.O_WRONLY | os.O_CREAT | os.O_TRUNC) for name in ("out", "err")
+    )
+    for place, file in enumerate((nothing, out, err)):
+        os.dup2(file, place)
+    library.faultpoints_arm(os.fsencode(world), *fault)
+    be_program(words)
 
 
 if __name__ == "__main__":

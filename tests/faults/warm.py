@@ -7,8 +7,6 @@ goes to the file `err` in WORK; what it has acknowledged, a byte for each, to th
 """
 
 import functools
-import gc
-import importlib
 import json
 import os
 import select
@@ -21,23 +19,16 @@ import traceback
 from pathlib import Path
 
 from mocapidx.errors import Interrupted
-from mocapidx_cli.main import COMMANDS, main
+from mocapidx_cli.main import main
+from tests.faults.program import import_program
 
 PROGRAM = Path(sys.executable).parent / "mocapidx"
 HANGS = 60  # seconds; far more than any command takes here
-WARM = ("index", "learn", "merge", "reindex", "web", "query", "info", "verify", "found", "sigma")
 BATCH = 20_000  # bytes of words and poses: two or three takes
 CELLS = 500  # of grids
 BLOCK = 40  # frames of takes that are compared at once
 MOST_FILES = 4
 PER_WORKER = 4
-
-
-def warm_up():
-    for name, _ in COMMANDS.values():
-        importlib.import_module(f"mocapidx_cli.{name.partition(':')[0]}")
-    for name in WARM:
-        importlib.import_module(f"mocapidx.tasks.{name}")
 
 
 def work_in_small_steps():
@@ -89,9 +80,8 @@ def tell(acks, kept):
 
 
 def serve(work):
-    warm_up()
+    import_program()
     work_in_small_steps()
-    gc.freeze()
     for line in sys.stdin:
         job = json.loads(line)
         (work / "acks").write_bytes(b"")
