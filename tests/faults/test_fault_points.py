@@ -7,7 +7,7 @@ import pytest
 from tests.faults.served import KINDS
 from tests.faults.world import WRITERS
 
-FEW = 4  # of each command in a short run
+FEW = 2  # of each command in a short run
 SMALL = "index-more"  # of this one every point is tried in a short run
 
 

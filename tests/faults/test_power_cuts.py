@@ -9,7 +9,7 @@ from tests.faults.disk import Disk
 from tests.faults.faulting import tree_of
 from tests.faults.world import WRITERS
 
-FEW = 2  # cuts of each command in a short run
+FEW = 1  # cuts of each command in a short run
 CHANCES = 16
 
 
