@@ -9,7 +9,6 @@ are ordered by it, and equal documents give equal bytes, whichever came first.
 
 import hashlib
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -38,6 +37,7 @@ KIND: Final = SealedKind(
     most_bytes=16 << 30,
 )
 PIECE_COLUMNS: Final = 4
+FASTEST: Final = 1e6  # Hz
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +161,7 @@ def read_web(path: Path) -> WebFile:
         paths = (arrays["paths"] or [np.empty(0, np.uint8)])[0]
         _check_pieces(pieces, len(documents), len(paths))
         rate, stride, rules = meta["rate"], meta["stride"], meta["rules"]
-        if type(rate) not in (int, float) or not (math.isfinite(rate) and rate > 0):
+        if type(rate) not in (int, float) or not 0 < rate <= FASTEST:
             raise ValueError("its rate is none")
         if type(stride) is not int or not 1 <= stride <= rate or type(rules) is not dict:
             raise ValueError("its rules are none")
@@ -179,8 +179,8 @@ def _document(entry: Any) -> WebDocument:
     identity, name, frames = entry
     if type(identity) is not str or type(name) is not str or type(frames) is not int:
         raise ValueError("a document of it is none")
-    if frames < 1:
-        raise ValueError("a document of it has no frames")
+    if not 1 <= frames < 1 << 32:
+        raise ValueError(f"a document of it has {'no' if frames < 1 else 'too many'} frames")
     return WebDocument(identity, name, frames)
 
 
