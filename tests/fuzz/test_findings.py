@@ -240,3 +240,14 @@ def test_paths_that_are_cut_off_are_damage_to_every_command(seeds, tmp_path):
     for work in (lambda: web_info(path), lambda: build_web(tmp_path / "arms.store", path)):
         with pytest.raises(StoreError, match=r"arms\.web: damaged \(.* are cut off\)"):
             work()
+
+
+def test_numbers_beyond_all_frames_and_rates_are_damage(seeds, tmp_path):
+    path = tmp_path / "arms.web"
+    held = read_web(seeds / "web/arms.web")
+    first, *rest = held.documents
+    endless = replace(held, documents=(replace(first, frames=10**400), *rest))
+    for forged in (endless, replace(held, rate=10**400)):
+        write_web(path, forged)
+        with pytest.raises(StoreError, match=r"arms\.web: damaged"):
+            web_info(path)
