@@ -180,12 +180,7 @@ def main() -> NoReturn:
 
         leave(run(debug="--debug" in before))
     except (Interrupted, KeyboardInterrupt) as exc:
+        from mocapidx.tasks.farewell import farewell
+
         number = exc.signal_number if isinstance(exc, Interrupted) else signal.SIGINT
         fail(str(exc) or farewell(), 128 + number)
-
-
-def farewell() -> str:
-    """Say what a stop leaves, for a command that has not said it."""
-    from mocapidx.durable import has_written
-
-    return f"interrupted; {'what was written is whole' if has_written() else 'nothing was written'}"

@@ -41,14 +41,13 @@ def man(output: Path) -> None:
       mocapidx man --output ~/.local/share/man
       man mocapidx-index
     """
-    from mocapidx.durable import make_folder
     from mocapidx.tasks.records import save_text
+    from mocapidx.tasks.safe_names import make_folders
 
     root = click.get_current_context().find_root()
     pages = [("", root.command), *all_commands(root.command, root)]
     folder = output / "man1"
-    for place in (*reversed(output.parents), output, folder):
-        make_folder(place)
+    make_folders(folder)
     for words, command in pages:
         name = "-".join(["mocapidx", *words.split()])
         save_text(manual_page(name, words, command, root), folder / f"{name}.1")

@@ -123,7 +123,7 @@ def replace_file(path: Path, chunks: Chunk | Iterable[Chunk]) -> None:
             for view in _gathered([chunks] if isinstance(chunks, Chunk) else chunks):
                 _write_all(descriptor, view)
             os.fsync(descriptor)
-            _put_in_place.append(target)  # before it is, or a stop right after it would not know
+            _put_in_place[:] = [target]  # before it is, or a stop right after it would not know
             os.rename(temporary, target)
         except BaseException:
             with contextlib.suppress(OSError):

@@ -53,7 +53,7 @@ def test_imports_point_upwards_in_the_layout(path):
 
 @pytest.mark.parametrize("path", sorted(CLI.rglob("*.py")), ids=lambda p: p.name)
 def test_the_command_line_reaches_the_library_through_tasks(path):
-    reachable = {"tasks", "errors", "model", "printable", "durable"}
+    reachable = {"tasks", "errors", "model", "printable"}
     for name in imported_modules(path):
         assert name.split(".")[0] not in {"cli", "h5py", "pyroaring"}, f"{path.name} imports {name}"
         if name.startswith("mocapidx."):

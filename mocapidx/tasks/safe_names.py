@@ -8,10 +8,11 @@ from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 from typing import Final
 
+from mocapidx.durable import make_folder
 from mocapidx.errors import ParameterError, WriteError
 from mocapidx.printable import shown
 
-__all__ = ["check_place", "check_targets", "document_stem", "slug"]
+__all__ = ["check_place", "check_targets", "document_stem", "make_folders", "slug"]
 
 UNFIT: Final = re.compile(r"[^A-Za-z0-9]+")
 LONGEST: Final = 40  # characters of a name that a file name keeps
@@ -84,6 +85,24 @@ def check_place(path: Path) -> None:
         raise WriteError(
             f"{shown(path, None)}: may not be written; see to its permissions or its file system"
         )
+
+
+def make_folders(folder: Path) -> None:
+    """Make a folder and those above it, as far as they are not there; all are then on disk.
+
+    Parameters
+    ----------
+    folder : Path
+
+    Raises
+    ------
+    WriteError
+        If one of them can't be made.
+    ParameterError
+        If a file has the name of one.
+    """
+    for place in (*reversed(folder.parents), folder):
+        make_folder(place)
 
 
 def check_targets(paths: Iterable[Path], force: bool) -> None:

@@ -10,6 +10,7 @@ from types import FrameType
 from typing import Final
 
 from mocapidx.errors import Interrupted, StoreError
+from mocapidx.tasks.farewell import WHOLE
 
 __all__ = ["MEMORY", "SECONDS", "in_limited_child"]
 
@@ -73,8 +74,7 @@ def in_limited_child(memory: int = MEMORY, seconds: int = SECONDS) -> int | None
             os.kill(child, exc.signal_number)
         code = _ending(child)
         if code < 0:  # else the child has said what was done
-            message = "interrupted; what was written is whole"
-            raise Interrupted(exc.signal_number, message) from exc
+            raise Interrupted(exc.signal_number, WHOLE) from exc
     finally:
         os.close(heard)
     if code < 0:
