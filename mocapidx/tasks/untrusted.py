@@ -87,7 +87,10 @@ def in_limited_child(memory: int = MEMORY, seconds: int = SECONDS) -> int | None
 
 
 def _ending(child: int) -> int:
-    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    # Not reaped: after a stop at any moment the ending is still there to be asked for again.
+    ended = os.waitid(os.P_PID, child, os.WEXITED | os.WNOWAIT)
+    assert ended is not None  # we have waited
+    return ended.si_status if ended.si_code == os.CLD_EXITED else -ended.si_status
 
 
 def _end_both(child: int, number: int, frame: FrameType | None) -> None:

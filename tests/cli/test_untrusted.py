@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from mocapidx.errors import Interrupted, StoreError
-from mocapidx.tasks.untrusted import STOP_SIGNALS, in_limited_child
+from mocapidx.errors import StoreError
+from mocapidx.tasks.untrusted import in_limited_child
 
 # The children do next to nothing, and need none of the test runner's threads.
 pytestmark = pytest.mark.filterwarnings("ignore:.*multi-threaded:DeprecationWarning")
@@ -116,18 +116,18 @@ main.main()
 """
 
 
-def started(work, tmp_path):
+def started(work, tmp_path, before=""):
     """The program, doing something else than a command, in a group of its own."""
     begun = tmp_path / "begun"
     process = subprocess.Popen(
-        [sys.executable, "-c", WAITING.format(work=work), "--untrusted", begun],
+        [sys.executable, "-c", before + WAITING.format(work=work), "--untrusted", begun],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
     )
     end = time.monotonic() + 30
-    while not begun.exists():
+    while not begun.exists() and process.poll() is None:
         assert time.monotonic() < end
         time.sleep(0.01)
     return process
@@ -186,26 +186,31 @@ def test_a_child_that_a_stop_ends_before_it_can_speak_has_written_whole_files(tm
     assert said == "Error: interrupted; what was written is whole\n"
 
 
-def test_a_stop_while_the_child_is_made_reaches_it(monkeypatch):
-    fork = os.fork
-    before = {number: signal.getsignal(number) for number in STOP_SIGNALS}
+STOPPED_BESIDE = """
+import os, signal
+{name} = os.{name}
+def stopped(*arguments):
+    result = {name}(*arguments)
+    if result and not stops:
+        stops.append(signal.SIGTERM)
+        os.kill(os.getpid(), signal.SIGTERM)
+    return result
+stops = []
+os.{name} = stopped
+"""
 
-    def stop(number, _frame):
-        raise Interrupted(number)
 
-    def stopped():
-        child = fork()
-        if child:
-            os.kill(os.getpid(), signal.SIGTERM)
-        return child
-
-    monkeypatch.setattr(os, "fork", stopped)
-    signal.signal(signal.SIGTERM, stop)
-    try:
-        assert ending_of(lambda: time.sleep(60)) == 4
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+@pytest.mark.parametrize("name", ["fork", "waitid"])
+def test_a_stop_while_the_child_is_made_or_has_ended_reaches_both(name, tmp_path):
+    work = "time.sleep(60)" if name == "fork" else "sys.exit(3)"
+    process = started(work, tmp_path, before=STOPPED_BESIDE.format(name=name))
+    _, said = process.communicate(timeout=60)
+    if name == "fork":
+        assert process.returncode == 128 + signal.SIGTERM
+        assert said.startswith("Error: interrupted; ")
+    else:
+        assert (process.returncode, said) == (3, "")
+    assert is_gone(process.pid)
 
 
 def test_a_second_stop_ends_both_at_once(tmp_path):
