@@ -14,7 +14,6 @@
 #define INT32 "il"
 #define FLOAT32 "f"
 #define FLOAT64 "d"
-#define FLOAT64 "d"
 #define UINT8 "B"
 #define BOOL "?"
 
@@ -49,6 +48,19 @@ static void release_array(Array *array)
 {
     if (array->view.obj)
         PyBuffer_Release(&array->view);
+}
+
+/* Whether numbers divide `total` things into consecutive parts of `least` to `most`. */
+static inline int divide(const Array *bounds, Py_ssize_t total, Py_ssize_t least, Py_ssize_t most)
+{
+    const int64_t *numbers = bounds->view.buf;
+    if (bounds->length < 1 || numbers[0] != 0 || numbers[bounds->length - 1] != total)
+        return 0;
+    for (Py_ssize_t i = 1; i < bounds->length; i++)
+        if (numbers[i] < numbers[i - 1] || numbers[i] > total ||
+            numbers[i] - numbers[i - 1] < least || numbers[i] - numbers[i - 1] > most)
+            return 0;
+    return 1;
 }
 
 #endif

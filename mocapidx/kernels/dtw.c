@@ -176,19 +176,6 @@ static int in_range(const Array *entries)
     return lowest >= 0 && highest <= LARGEST;
 }
 
-/* Whether the bounds divide so many rows into sequences of 1 to LONGEST frames. */
-static int divide(const Array *bounds, Py_ssize_t rows)
-{
-    const int64_t *numbers = bounds->view.buf;
-    if (bounds->length < 1 || numbers[0] != 0 || numbers[bounds->length - 1] != rows)
-        return 0;
-    for (Py_ssize_t i = 1; i < bounds->length; i++)
-        if (numbers[i] <= numbers[i - 1] || numbers[i] > rows ||
-            numbers[i] - numbers[i - 1] > LONGEST)
-            return 0;
-    return 1;
-}
-
 PyDoc_STRVAR(align_doc,
 "align(reference, others, features, bounds, totals, lengths, in_reference, in_other, level)\n"
 "--\n\n"
@@ -223,7 +210,8 @@ static PyObject *align(PyObject *module, PyObject *arguments)
         goto done;
     if (features < 1 || features > MOST_FEATURES || !reference.length ||
         reference.length % features || others.length % features ||
-        reference.length / features > LONGEST || !divide(&bounds, others.length / features)) {
+        reference.length / features > LONGEST ||
+        !divide(&bounds, others.length / features, 1, LONGEST)) {
         PyErr_SetString(PyExc_ValueError, "no sequences of so many features");
         goto done;
     }
