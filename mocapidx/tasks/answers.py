@@ -1,6 +1,5 @@
-"""What every kind of query shares: where it looks, what it finds, and how hits are ordered."""
+"""What every kind of query shares: where it looks, and what it finds."""
 
-from bisect import bisect_left
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,11 +15,9 @@ from mocapidx.model import FloatArray, Hit, HitList, IndexArray
 from mocapidx.printable import count
 from mocapidx.queries.evaluate import DocumentGroup, GroupHits, evaluate
 from mocapidx.queries.pattern import Pattern
-from mocapidx.queries.rank import ranking_order
 from mocapidx.queries.source import Source
 from mocapidx.store.manifest import Placed, SegmentFile
 from mocapidx.store.read import Snapshot, open_store
-from mocapidx.tasks.hits import make_hit
 from mocapidx.tasks.records import Record, hit_record
 from mocapidx.tasks.segment_sources import (
     document_groups,
@@ -40,10 +37,8 @@ Result = TypeVar("Result")
 __all__ = [
     "Answer",
     "Archive",
-    "Chosen",
     "Found",
     "ask",
-    "best",
     "feature_names",
     "feature_ranges",
     "open_archive",
@@ -190,23 +185,6 @@ class Answer:
     group: DocumentGroup
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Chosen:
-    """A hit that is shown, and where it comes from.
-
-    Parameters
-    ----------
-    hit : Hit
-    answer : Answer
-    row : int
-        Its place in the answer.
-    """
-
-    hit: Hit
-    answer: Answer
-    row: int
-
-
 @contextmanager
 def open_archive(
     store: str | Path, where: str | None = None, map_fn: "MapFunction | None" = None
@@ -320,80 +298,6 @@ def _answer(place: LookedAt, found: GroupHits, label: str, mirrored: bool) -> An
         np.zeros(len(bounds)),
         found.group,
     )
-
-
-def best(
-    archive: Archive, answers: Sequence[Answer], top: int | None, *, apart: bool = False
-) -> list[Chosen]:
-    """Order hits by cost, document name and time; keep one of those that are the same.
-
-    Parameters
-    ----------
-    archive : Archive
-    answers : sequence of Answer
-        Of two that hold the same stretch the better one is kept, of equal costs the first.
-    top : int, optional
-        Keep the best only.
-    apart : bool
-        Keep only the best of hits that overlap.
-
-    Returns
-    -------
-    list of Chosen
-        Best first.
-    """
-    if not answers:
-        return []
-    names = [
-        answer.place.file.documents[number].name
-        for answer in answers
-        for number in answer.documents.tolist()
-    ]
-    spans = np.concatenate([answer.spans for answer in answers])
-    costs = np.concatenate([answer.costs for answer in answers])
-    ends = np.cumsum([len(answer.documents) for answer in answers])
-    chosen: list[Chosen] = []
-    seen = _Apart() if apart else _Different()
-    for place in ranking_order(costs, names, spans[:, 0], spans[:, 1]):
-        if top is not None and len(chosen) >= top:
-            break
-        start, end = spans[place].tolist()
-        if seen.takes(names[place], start, end):
-            owner = int(np.searchsorted(ends, place, "right"))
-            answer = answers[owner]
-            row = int(place - ends[owner]) + len(answer.documents)
-            document = answer.place.file.documents[answer.documents[row]]
-            cost = float(costs[place])
-            hit = make_hit(document, start, end, archive.rate, cost, answer.label)
-            chosen.append(Chosen(hit, answer, row))
-    return chosen
-
-
-class _Different:
-    """Takes each stretch once."""
-
-    def __init__(self) -> None:
-        self.seen: set[tuple[str, int, int]] = set()
-
-    def takes(self, document: str, start: int, end: int) -> bool:
-        count = len(self.seen)
-        self.seen.add((document, start, end))
-        return len(self.seen) > count
-
-
-class _Apart:
-    """Takes stretches that overlap none that was taken before."""
-
-    def __init__(self) -> None:
-        self.taken: dict[str, list[tuple[int, int]]] = {}
-
-    def takes(self, document: str, start: int, end: int) -> bool:
-        taken = self.taken.setdefault(document, [])
-        place = bisect_left(taken, (end, 0))
-        if place and taken[place - 1][1] > start:
-            return False
-        taken.insert(place, (start, end))
-        return True
 
 
 def untrusted_remarks(

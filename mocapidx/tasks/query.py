@@ -9,16 +9,8 @@ from mocapidx.errors import ParameterError
 from mocapidx.model import HitList
 from mocapidx.queries.evaluate import MODES
 from mocapidx.queries.pattern import Pattern, mirror_pattern
-from mocapidx.tasks.answers import (
-    Answer,
-    Archive,
-    Chosen,
-    Found,
-    ask,
-    best,
-    open_archive,
-    untrusted_remarks,
-)
+from mocapidx.tasks.answers import Answer, Archive, Found, ask, open_archive, untrusted_remarks
+from mocapidx.tasks.best_answers import Chosen, best
 from mocapidx.tasks.example import Example, parse_example
 from mocapidx.tasks.query_example import (
     LoadedExample,

@@ -13,7 +13,8 @@ from mocapidx.queries.language import describe
 from mocapidx.queries.pattern import UNLIMITED, Block, Pattern, restrict_pattern
 from mocapidx.queries.steps import FuzzyQuery, FuzzySet
 from mocapidx.store.schema import FRAME_WORDS
-from mocapidx.tasks.answers import Archive, Chosen
+from mocapidx.tasks.answers import Archive
+from mocapidx.tasks.best_answers import Chosen
 from mocapidx.tasks.query_example import LoadedExample
 
 __all__ = ["StepAgreement", "agreements", "explain_hit", "explain_nothing", "step_records"]

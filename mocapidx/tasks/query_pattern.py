@@ -16,7 +16,8 @@ from mocapidx.queries.language import parse_short, pattern_from_steps
 from mocapidx.queries.pattern import Pattern, mirror_pattern, pattern_hits, restrict_pattern
 from mocapidx.queries.scene import Condition, Scene, join_scene, scene_spans
 from mocapidx.queries.source import Source
-from mocapidx.tasks.answers import Answer, Archive, Chosen, LookedAt
+from mocapidx.tasks.answers import Answer, Archive, LookedAt
+from mocapidx.tasks.best_answers import Chosen
 from mocapidx.tasks.unspecified import told
 
 __all__ = [

@@ -15,7 +15,8 @@ from mocapidx.model import FloatArray, Motion
 from mocapidx.printable import shown
 from mocapidx.queries.relax import relaxations
 from mocapidx.skeleton.joints import CANONICAL_JOINTS
-from mocapidx.tasks.answers import Answer, Archive, Found, best, feature_names, feature_ranges
+from mocapidx.tasks.answers import Answer, Archive, Found, feature_names, feature_ranges
+from mocapidx.tasks.best_answers import best
 from mocapidx.tasks.example import Example
 from mocapidx.tasks.query_example import LoadedExample, ask_example, load_example
 from mocapidx.tasks.query_rank import costs_by
