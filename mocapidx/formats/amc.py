@@ -25,6 +25,7 @@ from mocapidx.formats.amc_frames import (
 )
 from mocapidx.formats.asf import Acclaim, read_asf
 from mocapidx.formats.numbers import parse_number
+from mocapidx.formats.rates import EXPECTED, is_rate
 from mocapidx.formats.table import FrameTable
 from mocapidx.formats.text import Limits, decoded, open_text, place
 from mocapidx.model import IndexArray, Recording
@@ -32,7 +33,6 @@ from mocapidx.model import IndexArray, Recording
 __all__ = ["find_skeleton", "read_amc"]
 
 BLOCK: Final = 1 << 18  # bytes read at a time: what fits a processor's cache
-SLOWEST, FASTEST = 0.1, 10_000.0  # Hz
 SETTLED: Final = 2_000_000_000  # nanoseconds; some file systems count time in steps of two seconds
 
 
@@ -173,10 +173,10 @@ def _read_header(path: Path, data: bytes) -> _Header | None:
             degrees = key == b":DEGREES"
         elif key == b":SAMPLES-PER-SECOND":
             rate = parse_number(words[1]) if len(words) == 2 else math.nan
-            if not SLOWEST <= rate <= FASTEST:
+            if not is_rate(rate):
                 raise FormatError(
                     f"{place(path, number)}: {quoted(b' '.join(words))}: "
-                    "expected samples a second between 0.1 and 10000"
+                    f"expected samples a second {EXPECTED}"
                 )
     return None
 

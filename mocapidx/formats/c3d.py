@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from mocapidx.errors import FormatError
 from mocapidx.formats.c3d_layout import C3dLayout, floats_of, read_layout
+from mocapidx.formats.rates import EXPECTED, is_rate
 from mocapidx.formats.text import Limits, place, read_binary
 from mocapidx.model import FloatArray, PointRecording, Up
 from mocapidx.units import INCH
@@ -28,7 +29,6 @@ UPS: Final[dict[str, Up]] = {
     "+X": "x", "+Y": "y", "+Z": "z", "X": "x", "Y": "y", "Z": "z",
     "-X": "-x", "-Y": "-y", "-Z": "-z",
 }  # fmt: skip
-SLOWEST, FASTEST = 0.1, 10_000.0  # Hz
 
 
 def read_c3d(path: Path, limits: Limits) -> PointRecording:
@@ -123,10 +123,10 @@ def _modelled(layout: C3dLayout) -> Iterator[str]:
 
 def _rate(layout: C3dLayout) -> float:
     for rate in (*layout.numbers("POINT:RATE")[:1].tolist(), layout.rate):
-        if SLOWEST <= rate <= FASTEST:
+        if is_rate(rate):
             return float(rate)
     raise FormatError(
-        f"{place(layout.path)}: its rate is {layout.rate:g} frames a second, expected 0.1 to 10000"
+        f"{place(layout.path)}: its rate is {layout.rate:g} frames a second, expected {EXPECTED}"
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from mocapidx.errors import FormatError
 from mocapidx.formats.c3d import named_apart
 from mocapidx.formats.positions import RATE_KEYS
+from mocapidx.formats.rates import EXPECTED, is_rate
 from mocapidx.formats.text import Limits, place, read_text
 from mocapidx.model import FloatArray, PointRecording
 from mocapidx.printable import shown
@@ -33,7 +34,6 @@ LARGEST: Final = 256 << 20  # bytes: what is read becomes ten times as large
 PEEKED: Final = 1 << 16  # bytes
 SEQUENCE: Final = re.compile(rb"\s*\[\s*(\{|\[\s*\[)")
 FRAMES: Final = re.compile(rb'"frames"\s*:\s*\[\s*(\{|\[)')
-SLOWEST, FASTEST = 0.1, 10_000.0  # Hz
 
 
 def is_keypoint_file(path: Path) -> bool:
@@ -197,10 +197,10 @@ def _rate(where: str, head: dict[str, Any]) -> float | None:
             rate = head[key]
             if isinstance(rate, bool) or not isinstance(rate, int | float):
                 rate = 0
-            if not SLOWEST <= rate <= FASTEST:
+            if not is_rate(rate):
                 raise FormatError(
-                    f"{where}: '{key}' is {shown(head[key], 40)}, expected frames a second "
-                    "between 0.1 and 10000"
+                    f"{where}: '{key}' is {shown(head[key], 40)}, "
+                    f"expected frames a second {EXPECTED}"
                 )
             return float(rate)
     return None

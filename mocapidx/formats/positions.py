@@ -15,6 +15,7 @@ from mocapidx.formats.arrays import as_numbers, as_texts, read_array
 from mocapidx.formats.c3d import named_apart
 from mocapidx.formats.cells import cells_of, number_table
 from mocapidx.formats.numbers import parse_number
+from mocapidx.formats.rates import EXPECTED, is_rate
 from mocapidx.formats.text import Limits, decoded, place, read_text
 from mocapidx.model import FloatArray, PointRecording, Up
 from mocapidx.printable import shown
@@ -38,7 +39,6 @@ AXIS: Final = re.compile(r"(.+?)[._ :]([xyz])\Z", re.IGNORECASE)
 LONG: Final = ("frame", "joint", "x", "y", "z")
 TIMES: Final = ("time", "time_s", "t", "seconds")
 COUNTERS: Final = ("frame", "index", "")
-SLOWEST, FASTEST = 0.1, 10_000.0  # Hz
 EVEN: Final = 0.01  # how far times may be from even ones, in frames
 PEEKED: Final = 1 << 16  # bytes
 
@@ -122,10 +122,9 @@ def stated_rate(where: str, arrays: dict[str, NDArray[Any]]) -> float | None:
         if key in arrays:
             value = arrays[key]
             number = float(value.ravel()[0]) if value.size == 1 and value.dtype.kind in "fiu" else 0
-            if not SLOWEST <= number <= FASTEST:
+            if not is_rate(number):
                 raise FormatError(
-                    f"{where}: '{key}' is {shown(value, 40)}, expected frames a second "
-                    "between 0.1 and 10000"
+                    f"{where}: '{key}' is {shown(value, 40)}, expected frames a second {EXPECTED}"
                 )
             return float(number)
     return None
@@ -333,7 +332,7 @@ def _rate_of(where: str, times: FloatArray | None) -> float | None:
     if not (step > 0 and (np.abs(times - even) <= max(EVEN * step, 0.0006)).all()):
         raise FormatError(f"{where}: its times are not even, expected one frame after another")
     rate = 1 / step
-    if not SLOWEST <= rate <= FASTEST:
+    if not is_rate(rate):
         raise FormatError(f"{where}: its times tell {rate:.4g} frames a second, expected seconds")
     return float(round(rate)) if abs(rate - round(rate)) < 0.001 * rate else rate
 

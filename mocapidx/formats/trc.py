@@ -9,6 +9,7 @@ from mocapidx.errors import FormatError
 from mocapidx.formats.c3d import UNITS, named_apart
 from mocapidx.formats.cells import cells_of, number_table
 from mocapidx.formats.numbers import parse_number
+from mocapidx.formats.rates import EXPECTED, is_rate
 from mocapidx.formats.text import Limits, decoded, place, read_text
 from mocapidx.model import PointRecording
 from mocapidx.printable import shown
@@ -17,7 +18,6 @@ __all__ = ["read_trc"]
 
 MAGIC: Final = b"pathfiletype"
 HEADER: Final = 5  # lines: file, keys, values, names, axes
-SLOWEST, FASTEST = 0.1, 10_000.0  # Hz
 
 
 def read_trc(path: Path, limits: Limits) -> PointRecording:
@@ -90,11 +90,9 @@ def _header(where: str, keys: bytes, values: bytes) -> dict[str, bytes]:
 
 def _rate(where: str, header: dict[str, bytes]) -> float:
     rate = parse_number(header.get("datarate", b""))
-    if not SLOWEST <= rate <= FASTEST:
+    if not is_rate(rate):
         found = shown(decoded(header.get("datarate", b"")), 40)
-        raise FormatError(
-            f"{where}:3: DataRate is '{found}', expected frames a second between 0.1 and 10000"
-        )
+        raise FormatError(f"{where}:3: DataRate is '{found}', expected frames a second {EXPECTED}")
     return rate
 
 

@@ -26,6 +26,8 @@ __all__ = [
     "shortest_paths",
 ]
 
+SLOWEST, FASTEST = 1e-3, 1e6  # Hz
+
 
 @dataclass(frozen=True, slots=True)
 class MatchNode:
@@ -113,7 +115,8 @@ class MatchGraph:
     Raises
     ------
     ParameterError
-        If there is no node, or an edge joins nodes that do not exist or fits them badly.
+        If there is no node, the rate is none, or an edge joins nodes that do not exist or fits
+        them badly.
     """
 
     rate: float
@@ -124,8 +127,10 @@ class MatchGraph:
     def __post_init__(self) -> None:
         if not self.nodes:
             raise ParameterError("a match graph has at least one node, the query")
-        if not (math.isfinite(self.rate) and self.rate > 0):
-            raise ParameterError(f"the rate must be a positive number of Hz, got {self.rate}")
+        if not SLOWEST <= self.rate <= FASTEST:
+            raise ParameterError(
+                f"the rate must be from {SLOWEST:g} to {FASTEST:g} Hz, got {self.rate:g}"
+            )
         for number, node in enumerate(self.nodes):
             if not 0 <= node.start_frame < node.end_frame:
                 raise ParameterError(

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Literal
 
 from mocapidx.errors import ParameterError
+from mocapidx.formats.rates import EXPECTED, is_rate
 from mocapidx.formats.text import Limits
 from mocapidx.model import Motion, Up
 from mocapidx.skeleton.conventions import Conventions, Overrides
@@ -61,10 +62,8 @@ class ReadOptions:
     limits: Limits = field(default_factory=Limits)
 
     def __post_init__(self) -> None:
-        if self.source_rate is not None and not 0.1 <= self.source_rate <= 10_000:
-            raise ParameterError(
-                f"source rate must be between 0.1 and 10000 Hz, got {self.source_rate}"
-            )
+        if self.source_rate is not None and not is_rate(self.source_rate):
+            raise ParameterError(f"source rate must be {EXPECTED} Hz, got {self.source_rate}")
         if not 0 <= self.fill_gaps <= 3600:
             raise ParameterError(f"gaps to fill must be 0 to 3600 s, got {self.fill_gaps}")
         self.overrides()

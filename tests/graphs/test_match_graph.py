@@ -95,6 +95,7 @@ def test_graphs_survive_being_written_and_read(graph, write, read):
         '{"format": "mocapidx-match-graph", "version": 2}',
         '{"format": "mocapidx-match-graph", "version": 1, "rate": 30, "epsilon": 1, "nodes": 1}',
         graph_to_json(graph_of({(0, 1): 0.5}, 2)).replace('"cost": 0.5', '"cost": NaN'),
+        graph_to_json(graph_of({(0, 1): 0.5}, 2)).replace('"rate": 30.0', '"rate": 1e-320'),
         graph_to_json(graph_of({(0, 1): 0.5}, 2)).replace("[1, 1]", "[1, 1e9]"),
         graph_to_json(graph_of({(0, 1): 0.5}, 2)).replace("[1, 1]", f"[1, {10**30}]"),
         graph_to_json(graph_of({(0, 1): 0.5}, 2)).replace("[1, 1]", "[7, 7]"),
