@@ -13,10 +13,11 @@ from typing import Any, Final
 from mocapidx.errors import FormatError
 from mocapidx.printable import shown
 from mocapidx.tasks.bounded import read_at_most
+from mocapidx.tasks.csv_cells import unquoted
 from mocapidx.transcripts.kinds import kind_of
 from mocapidx.transcripts.spans import LATEST, Span
 
-__all__ = ["Found", "json_rows", "read_found", "unquoted"]
+__all__ = ["Found", "json_rows", "read_found"]
 
 SIZE_LIMIT: Final = 256 << 20  # bytes
 NEEDED: Final = ("document", "start_time", "end_time", "label")
@@ -161,21 +162,6 @@ def _csv_rows(text: str, where: str) -> Iterator[tuple[Mapping[str, Any], str]]:
             yield dict(zip(header, map(unquoted, cells), strict=True)), place
     except csv.Error as exc:
         raise FormatError(f"{where}:{rows.line_num}: not CSV ({exc})") from exc
-
-
-def unquoted(cell: str) -> str:
-    """Take away the mark that keeps spreadsheets from running a name as a formula.
-
-    Parameters
-    ----------
-    cell : str
-        Of a CSV file.
-
-    Returns
-    -------
-    str
-    """
-    return cell[1:] if cell[:1] == "'" and cell[1:2] in {"=", "+", "-", "@"} else cell
 
 
 def _found(row: Mapping[str, Any], place: str) -> Found:

@@ -13,7 +13,8 @@ from typing import Final
 from mocapidx.errors import FormatError
 from mocapidx.printable import shown
 from mocapidx.tasks.bounded import read_at_most
-from mocapidx.tasks.found import json_rows, unquoted
+from mocapidx.tasks.csv_cells import unquoted
+from mocapidx.tasks.found import json_rows
 from mocapidx.transcripts.kinds import KINDS, kind_of
 from mocapidx.transcripts.spans import LATEST
 

@@ -13,6 +13,7 @@ from mocapidx.durable import durable_replace
 from mocapidx.errors import WriteError
 from mocapidx.model import Hit
 from mocapidx.printable import shown
+from mocapidx.tasks.csv_cells import quoted
 
 __all__ = ["HIT_COLUMNS", "Record", "hit_record", "pair_records", "render_records", "save_text"]
 
@@ -124,8 +125,7 @@ def _csv_cell(value: object) -> object:
         return json.dumps(value, ensure_ascii=True)
     if not isinstance(value, str):
         return value
-    text = shown(value, None)  # whole, or nobody would know the document again
-    return f"'{text}" if text[:1] in "=+-@" and text else text  # no formula in a spreadsheet
+    return quoted(shown(value, None))  # whole, or nobody would know the document again
 
 
 def _table_lines(records: Sequence[Record], columns: Sequence[str]) -> Iterator[str]:
