@@ -1,9 +1,11 @@
 """Go on in a child with limits: what breaks or exhausts the child doesn't break its parent."""
 
+import ctypes
 import os
 import resource
 import select
 import signal
+import sys
 from contextlib import suppress
 from functools import partial
 from types import FrameType
@@ -20,6 +22,7 @@ SECONDS: Final = 600
 """Seconds of processor time."""
 PATIENCE: Final = 0.2
 """Seconds in which the child hears of a signal that reaches both of us."""
+PR_SET_PDEATHSIG: Final = 1  # of Linux's prctl
 STOP_SIGNALS: Final = (signal.SIGTERM, signal.SIGHUP, signal.SIGINT)
 
 
@@ -54,8 +57,10 @@ def in_limited_child(memory: int = MEMORY, seconds: int = SECONDS) -> int | None
     os.set_blocking(hears, False)
     # A stop between here and there would leave the child alone.
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, STOP_SIGNALS)
+    parent = os.getpid()
     child = os.fork()
     if not child:
+        _die_with(parent)
         resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
         resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
@@ -91,6 +96,14 @@ def _ending(child: int) -> int:
     ended = os.waitid(os.P_PID, child, os.WEXITED | os.WNOWAIT)
     assert ended is not None  # we have waited
     return ended.si_status if ended.si_code == os.CLD_EXITED else -ended.si_status
+
+
+def _die_with(parent: int) -> None:
+    """Be killed when the parent is, if the system can do that."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() != parent:
+            os._exit(128 + signal.SIGKILL)
 
 
 def _end_both(child: int, number: int, frame: FrameType | None) -> None:

@@ -225,6 +225,14 @@ def test_a_second_stop_ends_both_at_once(tmp_path):
     assert is_gone(process.pid)
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems don't tell a child")
+def test_a_parent_that_is_killed_takes_the_child_with_it(tmp_path):
+    process = started("time.sleep(60)", tmp_path)
+    process.kill()
+    process.communicate(timeout=60)
+    assert is_gone(process.pid)
+
+
 def test_want_of_memory_is_exit_4_and_one_line(tmp_path):
     process = started("len(b'x' * (3 << 30))", tmp_path)
     output, said = process.communicate(timeout=60)
