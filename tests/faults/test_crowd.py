@@ -10,7 +10,7 @@ from tests.faults.crowding import STORE
 from tests.faults.faulting import ROOT, stores_of
 from tests.faults.killing import names_in
 
-SHORT, FULL = 8, 3600  # seconds
+SHORT, FULL = 20, 3600  # seconds
 ROUND = 60  # seconds after which a new store is begun, since one that grows gets slow
 PATIENCE = 600  # seconds for the last commands
 
