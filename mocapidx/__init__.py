@@ -17,9 +17,10 @@ if TYPE_CHECKING:
     from mocapidx.tasks.annotate import annotate_motion
     from mocapidx.tasks.blend import fit_blend_space, make_motion
     from mocapidx.tasks.cluster import cluster_mapping
+    from mocapidx.tasks.compact import compact_store
     from mocapidx.tasks.doctor import examine
     from mocapidx.tasks.export import export_clips
-    from mocapidx.tasks.index import compact_store, index_files
+    from mocapidx.tasks.index import index_files
     from mocapidx.tasks.info import document_info, store_info
     from mocapidx.tasks.learn import find_labels, learn_classes
     from mocapidx.tasks.learn_thresholds import learn_feature
@@ -89,7 +90,7 @@ _HOMES = {
     "annotate_motion": "tasks.annotate:annotate_motion",
     "build_web": "tasks.web:build_web",
     "cluster_mapping": "tasks.cluster:cluster_mapping",
-    "compact_store": "tasks.index:compact_store",
+    "compact_store": "tasks.compact:compact_store",
     "document_info": "tasks.info:document_info",
     "examine": "tasks.doctor:examine",
     "export_clips": "tasks.export:export_clips",

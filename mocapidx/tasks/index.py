@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 from mocapidx.errors import FormatError, Interrupted
 from mocapidx.features.featureset import FeatureSet, load_feature_set
 from mocapidx.printable import count, shown
-from mocapidx.store.manifest import Document, SegmentFile, StoreSettings
+from mocapidx.store.manifest import Document, StoreSettings
 from mocapidx.store.read import read_manifest
 from mocapidx.store.schema import MANIFEST
 from mocapidx.store.write import Batch, Writer, check_writable, writing
-from mocapidx.tasks.batch import make_batch, merged_batch, small_files
+from mocapidx.tasks.batch import make_batch
+from mocapidx.tasks.compact import merge_files, small_files
 from mocapidx.tasks.parallel import MapFunction, mapping
 from mocapidx.tasks.prepare import (
     Item,
@@ -35,7 +36,7 @@ from mocapidx.tasks.segment_sources import store_feature_set
 from mocapidx.tasks.sources import Source, find_sources
 from mocapidx.tasks.where import name_facts, name_regex
 
-__all__ = ["IndexOptions", "IndexProgress", "IndexSummary", "compact_store", "index_files"]
+__all__ = ["IndexOptions", "IndexProgress", "IndexSummary", "index_files"]
 
 MOST_SEGMENT_FILES: Final = 20
 """Opening 200 takes 75 ms, so small ones are merged beyond this."""
@@ -221,7 +222,7 @@ def index_files(
                 _prune(known, writer, summary)
             small = small_files(writer.snapshot.files, options.batch_bytes)
             if len(writer.snapshot.files) > MOST_SEGMENT_FILES and len(small) > 1:
-                _merge(writer, small)
+                merge_files(writer, small, feature_set)
         except Interrupted as exc:
             documents = count(summary.added + summary.changed, "document")
             raise Interrupted(
@@ -229,37 +230,6 @@ def index_files(
             ) from exc
     summary.seconds = time.perf_counter() - started
     return summary
-
-
-def compact_store(
-    store: str | Path, *, lock_timeout: float = 0.0, use_lock: bool = True
-) -> tuple[int, int]:
-    """Merge the segment files of a store into one and drop what was removed.
-
-    Parameters
-    ----------
-    store : str or Path
-    lock_timeout : float
-        Seconds to wait for another writer.
-    use_lock : bool
-        False: write without a lock.
-
-    Returns
-    -------
-    before, after : int
-        Segment files.
-
-    Raises
-    ------
-    StoreError, LockedError, WriteError
-    """
-    with writing(
-        Path(store), command="compact", lock_timeout=lock_timeout, use_lock=use_lock
-    ) as writer:
-        files = writer.snapshot.files
-        if len(files) > 1 or any(not entry.live for file in files for entry in file.documents):
-            _merge(writer, files)
-        return len(files), len(writer.snapshot.files)
 
 
 def _settings(store: Path, options: IndexOptions) -> StoreSettings:
@@ -382,11 +352,3 @@ def _prune(known: Mapping[str, Document], writer: Writer, summary: IndexSummary)
     if gone:
         writer.commit(None, remove=gone)
         summary.removed = len(gone)
-
-
-def _merge(writer: Writer, files: Sequence[SegmentFile]) -> None:
-    if not any(entry.live for file in files for entry in file.documents):
-        writer.commit(None)  # leaves out what holds nothing
-        return
-    feature_set = store_feature_set(writer.snapshot, checked=True)
-    writer.replace(merged_batch(writer.snapshot, files, feature_set), files)

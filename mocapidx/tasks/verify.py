@@ -19,7 +19,7 @@ from mocapidx.store.schema import SEGMENTS, SIGMA
 from mocapidx.store.sigma import drop_sigma, sigma_fault
 from mocapidx.store.verify import Problem, check_blocks, check_digests, check_schemas
 from mocapidx.store.write import writing
-from mocapidx.tasks.batch import merged_batch
+from mocapidx.tasks.compact import merged_batch
 from mocapidx.tasks.segment_sources import store_feature_set
 
 __all__ = ["VerifyReport", "verify_store"]

@@ -16,8 +16,8 @@ from mocapidx.queries.files import parse_pattern
 from mocapidx.store.read import open_store, read_manifest
 from mocapidx.store.templates import read_templates, write_templates
 from mocapidx.store.web import read_web, write_web
+from mocapidx.tasks.compact import compact_store
 from mocapidx.tasks.compare import compare_methods
-from mocapidx.tasks.index import compact_store
 from mocapidx.tasks.info import document_info, store_info
 from mocapidx.tasks.label_files import Label, LabelFile
 from mocapidx.tasks.origins import find_origins

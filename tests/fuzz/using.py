@@ -18,11 +18,12 @@ from mocapidx.tasks.align import AlignOptions, align_motions, path_records, segm
 from mocapidx.tasks.annotate import annotate_motion
 from mocapidx.tasks.blend import fit_blend_space
 from mocapidx.tasks.blend_examples import ExampleOptions
+from mocapidx.tasks.compact import compact_store
 from mocapidx.tasks.compare import compare_methods
 from mocapidx.tasks.evaluate import EvaluationOptions, evaluate_records
 from mocapidx.tasks.export import ExportOptions, export_clips
 from mocapidx.tasks.features import check_features, draw_features
-from mocapidx.tasks.index import compact_store, index_files
+from mocapidx.tasks.index import index_files
 from mocapidx.tasks.info import document_info, list_documents
 from mocapidx.tasks.label_files import Label, LabelFile
 from mocapidx.tasks.learn import learn_classes

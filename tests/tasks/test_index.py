@@ -26,7 +26,8 @@ from mocapidx.store.read import open_store
 from mocapidx.store.write import writing
 from mocapidx.tasks import index as index_task
 from mocapidx.tasks import prepare as prepare_task
-from mocapidx.tasks.index import IndexOptions, compact_store, index_files
+from mocapidx.tasks.compact import compact_store
+from mocapidx.tasks.index import IndexOptions, index_files
 from mocapidx.tasks.query import query_store
 from mocapidx.tasks.read import Limits, ReadOptions, read_motion
 from tests.small_files import PERSON, bvh_text, person_rows
