@@ -52,6 +52,7 @@ class LongRun:
 
 DOCUMENTS = r"stopped after \d+ documents?; run again to continue"
 PAIRS = r"stopped after \d+ pairs?; run again to continue"
+MERGES = r"stopped after \d+ of \d+ merges; run again to continue"
 CLASSES = "--labels-from folder --class squat --class punchLeft --class jog"
 LATER = "stopped; run again to continue"
 LONG_RUNS = {
@@ -59,7 +60,7 @@ LONG_RUNS = {
     "index-changed": LongRun("index changed --store grown.store --prune", "grown.store", DOCUMENTS),
     "learn-new": LongRun(f"learn-mt one.store {CLASSES} --output new.mt", "new.mt"),
     "learn-over": LongRun(f"learn-mt one.store {CLASSES} --output old.mt", "old.mt"),
-    "compact": LongRun("compact grown.store", "grown.store", spread=False),
+    "compact": LongRun("compact grown.store", "grown.store", MERGES, spread=False),
     "web-new": LongRun("web build arms.store --output new.web", "new.web", PAIRS),
     "web-more": LongRun("web build arms.store --output arms.web", "arms.web", PAIRS),
     "merge-new": LongRun(

@@ -28,16 +28,18 @@ BATCH = 20_000  # bytes of words and poses: two or three takes
 CELLS = 500  # of grids
 BLOCK = 40  # frames of takes that are compared at once
 MOST_FILES = 4
+MOST_FRAMES = 120  # of merged files: four takes
 PER_WORKER = 4
 
 
 def work_in_small_steps():
     """Let commands commit after a few documents, and start workers for a few items."""
-    from mocapidx.tasks import index, reindex, web, web_building
+    from mocapidx.tasks import compact, index, reindex, web, web_building
 
     index.IndexOptions = functools.partial(index.IndexOptions, batch_bytes=BATCH)
     index.MOST_SEGMENT_FILES = MOST_FILES
     index.JOBS_PER_WORKER = PER_WORKER
+    compact.MOST_FRAMES = MOST_FRAMES
     reindex.reindex_store = functools.partial(reindex.reindex_store, batch_bytes=BATCH)
     web.WebOptions = functools.partial(web.WebOptions, batch_cells=CELLS)
     web.JOB_CELLS = CELLS
