@@ -13,6 +13,7 @@ from mocapidx.features.featureset import FeatureSet
 from mocapidx.printable import count
 from mocapidx.store.manifest import Placed, SegmentFile
 from mocapidx.store.read import Snapshot
+from mocapidx.store.schema import column
 from mocapidx.store.write import Batch, Writer, writing
 from mocapidx.tasks.batch import make_batch
 from mocapidx.tasks.segment_sources import store_feature_set
@@ -22,8 +23,8 @@ __all__ = ["compact_store", "merge_files", "merged_batch", "small_files"]
 MOST_FRAMES: Final = 1 << 24
 """Of a merged file: 155 hours at 30 Hz. Their words and runs are in memory together."""
 
-READ_FRAMES: Final = 1 << 15
-"""Frames that are read together: 9 MiB of poses."""
+READ_BYTES: Final = 8 << 20
+"""What is read together, in whole blocks that are checked."""
 
 
 def compact_store(
@@ -137,7 +138,8 @@ def merged_batch(
         If a file is damaged.
     """
     live = [entry for file in files for entry in file.placed() if entry.document.live]
-    words = list(_rows(snapshot, live, "frames/words"))
+    # Copies: a view would keep all that was read with it.
+    words = [rows.copy() for rows in _rows(snapshot, live, "frames/words")]
 
     def poses() -> Iterator[NDArray[np.float32]]:
         return _rows(snapshot, live, "frames/poses")
@@ -152,7 +154,8 @@ def merged_batch(
 
 def _rows(snapshot: Snapshot, entries: Sequence[Placed], path: str) -> Iterator[NDArray[Any]]:
     """Read rows of documents, neighbours at one go: what is read is checked by whole blocks."""
-    near = itertools.groupby(entries, lambda e: (e.file.number, e.frame_offset // READ_FRAMES))
+    most = READ_BYTES // column(path).row_bytes
+    near = itertools.groupby(entries, lambda e: (e.file.number, e.frame_offset // most))
     for _, group in near:
         some = list(group)
         first, last = some[0].frame_offset, some[-1].frame_offset + some[-1].document.frames
