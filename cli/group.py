@@ -104,15 +104,17 @@ def mocapidx(
     ctx: click.Context, debug: bool, untrusted: bool, config: Path | None, no_config: bool
 ) -> None:
     """Search an archive of motion capture by what happens in it."""
+    if untrusted and not ctx.obj:  # an option before it has the name of a command for its value
+        raise click.UsageError("--untrusted must be the first option")
     ctx.obj = load(config, no_config)
     if ctx.obj is not None and isinstance(ctx.command, click.Group):
         ctx.default_map = defaults(ctx.command, ctx, ctx.obj)
 
 
-def run(debug: bool) -> int:
+def run(debug: bool, is_limited: bool) -> int:
     """Run the command that the arguments name; give its exit code."""
     try:
-        result: Any = mocapidx.main(prog_name="mocapidx", standalone_mode=False)
+        result: Any = mocapidx.main(prog_name="mocapidx", standalone_mode=False, obj=is_limited)
     except click.exceptions.NoArgsIsHelpError as exc:
         click.echo(exc.format_message(), err=True)
         return 2

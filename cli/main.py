@@ -164,7 +164,7 @@ def wait_for_child() -> None:
     except OSError as exc:  # no more processes
         fail(f"the process for untrusted files could not be started: {exc.strerror}", 1)
     if code is not None:
-        sys.exit(code)
+        leave(code)
 
 
 def main() -> NoReturn:
@@ -178,7 +178,7 @@ def main() -> NoReturn:
             wait_for_child()
         from .group import run
 
-        leave(run(debug="--debug" in before))
+        leave(run(debug="--debug" in before, is_limited="--untrusted" in before))
     except (Interrupted, KeyboardInterrupt) as exc:
         from mocapidx.tasks.farewell import farewell
 

@@ -193,8 +193,12 @@ def remove_abandoned(path: Path) -> None:
     path : Path
         The file; need not exist. Where files can't be locked it stays.
     """
+    flags = os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
     with contextlib.suppress(OSError):
-        descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
+        try:
+            descriptor = os.open(path, os.O_RDWR | flags)  # NFS locks nothing else
+        except PermissionError:
+            descriptor = os.open(path, os.O_RDONLY | flags)
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if _is_at(descriptor, path):
@@ -297,13 +301,14 @@ def _open_temporary(target: Path) -> tuple[Path, int]:
     """Make a file beside `target`, under a name that nobody else writes to."""
     # 180 bytes of the name are plenty to recognise it, and no file system minds the rest.
     stem = os.fsdecode(os.fsencode(target.name)[:180])
-    usual = target.with_name(f"{stem}.mocapidx.tmp")
-    remove_abandoned(usual)
-    try:
-        return usual, _create_locked(usual)
-    except FileExistsError:
-        other = target.with_name(f"{stem}.{time.time_ns()}.tmp")
-        return other, _create_locked(other)
+    places = [target.with_name(f"{stem}.mocapidx{number}.tmp") for number in ("", 2, 3)]
+    for place in places:
+        remove_abandoned(place)
+    for place in places:
+        with contextlib.suppress(FileExistsError):
+            return place, _create_locked(place)
+    last = target.with_name(f"{stem}.{time.time_ns()}.tmp")
+    return last, _create_locked(last)
 
 
 def _create_locked(path: Path) -> int:

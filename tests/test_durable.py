@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from mocapidx import durable
-from mocapidx.durable import durable_replace, make_folder, sync_folder
+from mocapidx.durable import durable_replace, make_folder, replace_file, sync_folder
 from mocapidx.errors import ParameterError, WriteError
 
 
@@ -297,3 +297,15 @@ def test_small_pieces_are_written_together(target, monkeypatch):
     durable_replace(target, [b"a line\n"] * 300_000)
     assert target.read_bytes() == b"a line\n" * 300_000
     assert len([size for size in written if size]) == 3
+
+
+def test_what_a_second_writer_left_is_removed_by_the_next_one(target, tmp_path):
+    usual, second = (tmp_path / f"out.txt.mocapidx{n}.tmp" for n in ("", 2))
+    with usual.open("wb") as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        opened = []
+        replace_file(target, (opened.extend(names(tmp_path)) or b"" for _ in range(1)))
+        assert second.name in opened
+        second.write_bytes(b"of a killed one")
+    durable_replace(target, b"after")
+    assert names(tmp_path) == ["out.txt"]

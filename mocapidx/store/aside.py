@@ -10,7 +10,7 @@ import os
 from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 
-from mocapidx.durable import replace_file, sync_folder
+from mocapidx.durable import make_folder, replace_file, sync_folder
 from mocapidx.errors import StoreError
 from mocapidx.store import schema
 from mocapidx.store.files import open_regular, read_exactly
@@ -47,9 +47,12 @@ def put_aside(store: Path, files: Collection[SegmentFile]) -> Iterator[list[Path
     kept = {name: folder / f"damaged-{name}" for file in files for name in file.names}
     made: list[Path] = []
     aside: list[Path] = []
+    make_folder(folder)  # or there was damage indeed
     try:
         for file in files:
             made.append(folder / f"damaged-{file.number:06d}.jsonl")
+            if made[-1].is_symlink():  # by somebody else, and it would be followed
+                made[-1].unlink()
             replace_file(made[-1], (_line(each) for each in file.documents if each.live))
         for name, place in kept.items():
             with contextlib.suppress(FileNotFoundError):
@@ -73,7 +76,9 @@ def put_aside(store: Path, files: Collection[SegmentFile]) -> Iterator[list[Path
             aside.append(place)
 
 
-def lost_sources(store: Path, documents: Iterable[Document]) -> tuple[Path, ...]:
+def lost_sources(
+    store: Path, documents: Iterable[Document], dropped: Iterable[Document] = ()
+) -> tuple[Path, ...]:
     """Name the motion files whose documents were lost with damaged files, and are not there again.
 
     Parameters
@@ -82,6 +87,8 @@ def lost_sources(store: Path, documents: Iterable[Document]) -> tuple[Path, ...]
         Folder of the store.
     documents : iterable of Document
         That are in the store.
+    dropped : iterable of Document
+        That were lost just now, whatever became of their list.
 
     Returns
     -------
@@ -89,7 +96,7 @@ def lost_sources(store: Path, documents: Iterable[Document]) -> tuple[Path, ...]
         In order; of lists that can't be read nothing.
     """
     present = {text for each in documents for text in (each.name, str(each.source))}
-    lost: set[str] = set()
+    lost = {str(each.source) for each in dropped if not present & {each.name, str(each.source)}}
     for place in (store / schema.SEGMENTS).glob("damaged-*.jsonl"):
         with contextlib.suppress(OSError, EOFError, ValueError, TypeError, RecursionError):
             for name, source in map(from_json, _read(place).splitlines()):

@@ -15,6 +15,7 @@ from typing import Any, Final
 
 from mocapidx.store import schema
 from mocapidx.store.hdf5 import h5a, h5d, h5f, h5g, h5l, h5o, h5t
+from mocapidx.store.limits import limit
 
 __all__ = ["MEMORY", "SECONDS", "check_closed", "main"]
 
@@ -101,11 +102,17 @@ def _check_dataset(file: Any, path: str, shape: tuple[int, ...], offset: int) ->
 
 
 def main() -> None:
-    """Check the files that standard input names and print what is wrong, a line of JSON each."""
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-    resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    for path, datasets in json.load(sys.stdin):
+    """Check the files that standard input names and print what is wrong, a line of JSON each.
+
+    An empty line before them says that whatever happens now is the doing of the files.
+    """
+    limit(resource.RLIMIT_AS, MEMORY)
+    limit(resource.RLIMIT_CPU, SECONDS)
+    limit(resource.RLIMIT_CORE, 0)
+    question = json.load(sys.stdin)
+    sys.stdout.write("\n")
+    sys.stdout.flush()
+    for path, datasets in question:
         known = {name: (tuple(shape), offset) for name, (shape, offset) in datasets.items()}
         sys.stdout.write(json.dumps(check_closed(Path(path), known)) + "\n")
         sys.stdout.flush()

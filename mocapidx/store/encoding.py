@@ -90,7 +90,8 @@ def encode_manifest(manifest: Manifest) -> bytes:
         )
     if is_mostly_brackets(body):
         raise StoreError(
-            "the names of documents have more brackets than a reader takes; rename some of them"
+            "names of documents or gaps of their points have more brackets than a reader takes; "
+            "rename some, fill gaps, or split the archive over several stores"
         )
     return file_digest(body).hexdigest().encode() + b"\n" + body
 

@@ -1,5 +1,6 @@
 """Open and read the files of a store, and say what is wrong with one."""
 
+import contextlib
 import errno
 import os
 import stat
@@ -9,7 +10,14 @@ from mocapidx.errors import StoreError
 from mocapidx.store import schema
 from mocapidx.store.manifest import FileRecord
 
-__all__ = ["DamagedError", "open_regular", "open_segment", "read_exactly", "reason"]
+__all__ = [
+    "DamagedError",
+    "check_segments_folder",
+    "open_regular",
+    "open_segment",
+    "read_exactly",
+    "reason",
+]
 
 
 class DamagedError(StoreError):
@@ -65,15 +73,34 @@ def open_segment(store: Path, name: str, record: FileRecord) -> int:
     """
     if not schema.SEGMENT_NAME.fullmatch(name):
         raise DamagedError(store, name, "no name of a segment file")
-    folder = store / schema.SEGMENTS
-    if stat.S_ISLNK(os.lstat(folder).st_mode):
-        raise DamagedError(store, "", "a symbolic link")
-    descriptor = open_regular(folder / name)
+    check_segments_folder(store)
+    descriptor = open_regular(store / schema.SEGMENTS / name)
     size = os.fstat(descriptor).st_size
     if size != record.size:
         os.close(descriptor)
         raise DamagedError(store, name, f"{size} bytes, expected {record.size}")
     return descriptor
+
+
+def check_segments_folder(store: Path) -> None:
+    """Refuse a folder of segments that is a link to somewhere else.
+
+    Parameters
+    ----------
+    store : Path
+        Folder of the store.
+
+    Raises
+    ------
+    StoreError
+        Before anything there is read, made or removed.
+    """
+    folder = store / schema.SEGMENTS
+    with contextlib.suppress(FileNotFoundError):
+        if not stat.S_ISDIR(os.lstat(folder).st_mode):
+            raise StoreError(
+                f"{folder}: is a symbolic link or a file; a store's own folder must be here"
+            )
 
 
 def open_regular(path: Path) -> int:

@@ -75,13 +75,15 @@ def to_json(value: Any, *, sort_keys: bool = False) -> bytes:
     Raises
     ------
     StoreError
-        If it holds a number without end.
+        If it holds a number without end, or lists in lists without end.
     """
     try:
         text = json.dumps(value, separators=(",", ":"), allow_nan=False, sort_keys=sort_keys)
-    except ValueError as exc:  # a forged manifest may hold 1e999, which JSON reads as infinity
+    # A forged manifest may hold 1e999, which JSON reads as infinity.
+    except (ValueError, RecursionError) as exc:
         raise StoreError(
-            "what the store says of a skeleton holds a number without end; index the sources again"
+            "what the store says of a skeleton holds a number without end, or too many lists in "
+            "lists; index the sources again"
         ) from exc
     return text.encode("ascii")
 

@@ -102,6 +102,11 @@ def _wait(descriptor: int, store: Path, deadline: float) -> None:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             return
         except OSError as exc:
+            if exc.errno == errno.EBADF:  # NFS locks only what may be written
+                raise LockedError(
+                    f"{store / schema.LOCK}: is somebody else's and may not be written, which "
+                    "locks need on this file system; let the owner give others that right"
+                ) from exc
             if exc.errno not in BUSY:
                 raise LockedError(
                     f"{store}: this file system can't lock files "

@@ -19,7 +19,14 @@ from mocapidx.errors import ParameterError, StoreError
 from mocapidx.markup import facts_html, table_html
 from mocapidx.store import schema
 from mocapidx.store.encoding import decode_manifest
-from mocapidx.store.files import DamagedError, open_regular, open_segment, read_exactly, reason
+from mocapidx.store.files import (
+    DamagedError,
+    check_segments_folder,
+    open_regular,
+    open_segment,
+    read_exactly,
+    reason,
+)
 from mocapidx.store.manifest import (
     Manifest,
     Placed,
@@ -311,4 +318,5 @@ def read_manifest(path: Path) -> Manifest:
         raise StoreError(f"{path}: no store here; make one with 'mocapidx index'") from exc
     except (OSError, EOFError) as exc:
         raise StoreError(f"{place}: can't be read ({reason(exc)})") from exc
+    check_segments_folder(path)
     return decode_manifest(data, place)

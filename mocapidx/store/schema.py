@@ -42,7 +42,7 @@ SIGMA: Final = "SIGMA"
 SEGMENTS: Final = "segments"
 SEGMENT_NAME: Final = re.compile(r"([0-9]{6,12})\.(h5|idx)", re.ASCII)
 TEMPORARY_NAME: Final = re.compile(
-    r"(MANIFEST|SIGMA|[0-9]{6,12}\.(h5|idx)|damaged-[0-9]{6,12}\.jsonl)\.(mocapidx|[0-9]+)\.tmp",
+    r"(MANIFEST|SIGMA|[0-9]{6,12}\.(h5|idx)|damaged-[0-9]{6,12}\.jsonl)\.(mocapidx[23]?|[0-9]+)\.tmp",
     re.ASCII,
 )
 

@@ -6,6 +6,7 @@ What the parts say of each other (runs of words, lists of runs) is checked by
 
 import json
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Iterable, Iterator, Sequence
@@ -13,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from mocapidx.errors import MocapidxError
 from mocapidx.store import schema
 from mocapidx.store.encoding import meta_json
 from mocapidx.store.files import DamagedError, open_segment, read_exactly, reason
@@ -22,7 +24,8 @@ from mocapidx.store.read import Snapshot
 __all__ = ["Problem", "check_blocks", "check_digests", "check_schemas"]
 
 PIECE: Final = 1 << 24
-TIMEOUT: Final = 60.0
+TIMEOUT: Final = 600.0  # by the clock, for a child that may have 20 s of a processor
+TOGETHER: Final = 100  # files that a child is asked about
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,15 +119,21 @@ def check_schemas(path: Path, files: Iterable[SegmentFile]) -> Iterator[Problem]
     ------
     Problem
         At most one a file; a child that crashes, hangs or runs out of memory is one.
+
+    Raises
+    ------
+    MocapidxError
+        If the child can't start, is killed or gets no time: that says nothing about the files.
     """
     waiting = list(files)
     while waiting:
-        answers, fate = _ask_child(path, waiting)
-        for file, answer in zip(waiting, answers, strict=False):
+        asked = waiting[:TOGETHER]
+        answers, fate = _ask_child(path, asked)
+        for file, answer in zip(asked, answers, strict=False):
             if answer is not None:
                 yield Problem(file.number, file.names[0], answer)
         waiting = waiting[len(answers) :]
-        if waiting:
+        if len(answers) < len(asked):
             file = waiting.pop(0)
             yield Problem(file.number, file.names[0], f"HDF5 breaks on it ({fate})")
 
@@ -147,16 +156,24 @@ def _ask_child(path: Path, files: Sequence[SegmentFile]) -> tuple[list[str | Non
             input=json.dumps(question).encode("ascii"),
             capture_output=True,
             env=settings,
-            timeout=TIMEOUT + len(files),
+            timeout=TIMEOUT,
             check=False,
         )
     except subprocess.TimeoutExpired as exc:
-        return _answers(exc.stdout or b""), "no answer"
-    return _answers(done.stdout), f"exit status {done.returncode}"
+        raise _unchecked(path, "gave no answer") from exc
+    ready, *answers = done.stdout.split(b"\n")[:-1] or [b"not"]
+    if ready:
+        raise _unchecked(path, f"could not start (exit status {done.returncode})")
+    if done.returncode == -signal.SIGKILL:  # its own limits send other signals
+        raise _unchecked(path, "was killed, perhaps for want of memory")
+    return [json.loads(line) for line in answers], f"exit status {done.returncode}"
 
 
-def _answers(output: bytes) -> list[str | None]:
-    return [json.loads(line) for line in output.splitlines(keepends=True) if line.endswith(b"\n")]
+def _unchecked(path: Path, what: str) -> MocapidxError:
+    return MocapidxError(
+        f"{path}: the process that opens HDF5 files {what}; nothing is known about them and "
+        "nothing was changed; run again where there is more memory and time, or with --quick"
+    )
 
 
 def _digest_fault(path: Path, name: str, record: FileRecord) -> str | None:

@@ -21,6 +21,7 @@ from mocapidx.store import schema
 from mocapidx.store.aside import put_aside
 from mocapidx.store.batch import Batch, batch_shapes, batch_size, check_batch
 from mocapidx.store.encoding import decode_manifest, encode_manifest, meta_json
+from mocapidx.store.files import check_segments_folder
 from mocapidx.store.image import lay_out
 from mocapidx.store.link import link_or_copy
 from mocapidx.store.lock import locked
@@ -267,8 +268,8 @@ class Writer:
 
     def _segments_folder(self) -> Path:
         folder = self.path / schema.SEGMENTS
-        folder.mkdir(exist_ok=True)
-        if not self.manifest.generation:
+        if not folder.is_dir() or not self.manifest.generation:
+            folder.mkdir(exist_ok=True)
             # Else a disk might keep the manifest and lose the folder of what it names.
             sync_folder(self.path)
         return folder
@@ -346,6 +347,7 @@ def writing(
         contextlib.ExitStack() as handles,
     ):
         manifest = _agreed(path, create)
+        check_segments_folder(path)
         try:
             sweep(path, manifest)
         except OSError as exc:

@@ -126,12 +126,22 @@ def cluster_mapping(scheduler: str) -> Iterator[MapFunction]:
                         silence_logs=logging.CRITICAL + 1,
                     )
                 client = connect(cluster or scheduler, timeout=CONNECT_SECONDS)
-        except (OSError, TimeoutError) as exc:
-            raise ParameterError(
-                f"{shown(scheduler)}: no scheduler answers there ({type(exc).__name__}); start "
-                "one with 'dask scheduler'"
-            ) from exc
-        except RuntimeError as exc:
+        except BaseException as exc:
+            if cluster is not None:
+                with deaf():
+                    cluster.close()
+            if isinstance(exc, (ValueError, TypeError)):  # of the address
+                raise ParameterError(
+                    f"{shown(scheduler)}: Dask can't connect to that ({shown(exc)}); expected "
+                    "an address such as tcp://HOST:8786"
+                ) from exc
+            if isinstance(exc, OSError) and not local:
+                raise ParameterError(
+                    f"{shown(scheduler)}: no scheduler answers there ({type(exc).__name__}); "
+                    "start one with 'dask scheduler'"
+                ) from exc
+            if not isinstance(exc, (OSError, RuntimeError)):
+                raise
             raise MocapidxError(
                 f"{shown(scheduler)}: no cluster could be started here ({shown(exc)}); "
                 "--jobs does the same work without one"

@@ -12,6 +12,7 @@ from types import FrameType
 from typing import Final
 
 from mocapidx.errors import Interrupted, StoreError
+from mocapidx.store.limits import limit
 from mocapidx.tasks.farewell import WHOLE
 
 __all__ = ["MEMORY", "SECONDS", "in_limited_child"]
@@ -61,9 +62,9 @@ def in_limited_child(memory: int = MEMORY, seconds: int = SECONDS) -> int | None
     child = os.fork()
     if not child:
         _die_with(parent)
-        resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
-        resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
-        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        limit(resource.RLIMIT_AS, memory)
+        limit(resource.RLIMIT_CPU, seconds)
+        limit(resource.RLIMIT_CORE, 0)
         signal.set_wakeup_fd(hears, warn_on_full_buffer=False)
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         return None

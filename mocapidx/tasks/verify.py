@@ -130,7 +130,8 @@ def _repair(
                 after = writer.replace(batch, [file])
                 rebuilt.append(path / SEGMENTS / after.files[-1].names[1])
         held = writer.documents()
-    summary = _summary(before, problems, held, tuple(rebuilt), tuple(set_aside))
+    dropped = [each for file in damaged for each in file.documents if each.live]
+    summary = _summary(before, problems, held, dropped, tuple(rebuilt), tuple(set_aside))
     if sigma_fault(path) is not None:
         drop_sigma(path)
     return summary
@@ -140,6 +141,7 @@ def _summary(
     snapshot: Snapshot,
     problems: list[Problem],
     held: Sequence[Document],
+    dropped: Sequence[Document] = (),
     rebuilt: tuple[Path, ...] = (),
     set_aside: tuple[Path, ...] = (),
 ) -> VerifyReport:
@@ -154,7 +156,7 @@ def _summary(
         problems=tuple(lines),
         rebuilt=rebuilt,
         set_aside=set_aside,
-        lost=lost_sources(snapshot.path, held),
+        lost=lost_sources(snapshot.path, held, dropped),
     )
 
 

@@ -239,3 +239,24 @@ def test_want_of_memory_is_exit_4_and_one_line(tmp_path):
     assert (process.returncode, output) == (4, "")
     assert said.startswith("Error: out of memory; ")
     assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize("limit", ["-v 1500000", "-t 300", "-S -v 1500000"])
+def test_limits_that_are_lower_already_stay(limit, fixtures_store):
+    program = Path(sys.executable).parent / "mocapidx"
+    for command in ("info", "verify"):
+        words = f'ulimit {limit}; exec "$0" --untrusted {command} "$1"'
+        done = subprocess.run(
+            ["sh", "-c", words, program, fixtures_store],
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+
+
+def test_the_flag_after_a_value_that_looks_like_a_command_is_refused(mocapidx, fixtures_store):
+    done = mocapidx("--config", "info", "--untrusted", "info", fixtures_store)
+    assert done.returncode == 2
+    assert done.stderr.startswith("Error: --untrusted must be the first option")

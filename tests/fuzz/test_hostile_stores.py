@@ -4,6 +4,7 @@ import contextlib
 import hashlib
 import json
 import os
+import shutil
 import struct
 import sys
 import time
@@ -21,7 +22,10 @@ from mocapidx.store.sigma import read_sigma, sigma_fault
 from mocapidx.store.templates import read_templates
 from mocapidx.store.web import read_web
 from mocapidx.synthesis.file import load_space
+from mocapidx.tasks.compact import compact_store
+from mocapidx.tasks.index import index_files
 from mocapidx.tasks.info import document_info, store_info
+from mocapidx.tasks.merge import merge_stores
 from mocapidx.tasks.query import query_store
 from mocapidx.tasks.verify import verify_store
 from mocapidx.templates.file import load_templates
@@ -358,3 +362,29 @@ def test_what_is_no_file_is_not_waited_for(read, tmp_path):
     path = tmp_path / "x"
     os.mkfifo(path)
     refused(lambda: read(path))
+
+
+@pytest.mark.parametrize("command", ["verify", "repair", "compact", "index", "merge", "info"])
+@pytest.mark.parametrize("has_manifest", [True, False])
+def test_segments_that_are_those_of_another_store_stay(
+    store, seeds, fixtures_dir, tmp_path, command, has_manifest
+):
+    enemy = tmp_path / "enemy.store"
+    enemy.mkdir()
+    if has_manifest:
+        with_tree(lambda tree: tree.update(files=[], rigs=[]))(store)
+        shutil.copy(store / "MANIFEST", enemy)
+    victim = shutil.copytree(seeds / "take.store", tmp_path / "victim.store")
+    (enemy / "segments").symlink_to(victim / "segments")
+    before = {place.name: place.read_bytes() for place in (victim / "segments").iterdir()}
+    commands = {
+        "verify": lambda: verify_store(enemy),
+        "repair": lambda: verify_store(enemy, repair=True),
+        "compact": lambda: compact_store(enemy),
+        "index": lambda: index_files([fixtures_dir / "bvh/jog"], enemy),
+        "merge": lambda: merge_stores([seeds / "take.store"], enemy),
+        "info": lambda: store_info(enemy),
+    }
+    with pytest.raises(StoreError, match=r"a symbolic link|no store here"):
+        commands[command]()
+    assert before == {p.name: p.read_bytes() for p in (victim / "segments").iterdir()}

@@ -46,6 +46,14 @@ def test_numbers_without_end_are_not_written():
         to_json([float("inf")])
 
 
+def test_lists_in_lists_without_end_are_not_written():
+    nested = []
+    for _ in range(100_000):
+        nested = [nested]
+    with pytest.raises(StoreError, match="too many lists in lists"):
+        to_json(nested)
+
+
 def test_a_store_of_names_that_no_reader_takes_is_not_written():
     settings = StoreSettings(30.0, "f39", "0" * 64, "")
     record = FileRecord(1, "0" * 64)

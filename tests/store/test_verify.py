@@ -1,12 +1,14 @@
 import io
 import os
 import resource
+import signal
+import subprocess
 
 import h5py
 import numpy as np
 import pytest
 
-from mocapidx.errors import StoreError
+from mocapidx.errors import MocapidxError, StoreError
 from mocapidx.store import closed, schema, verify
 from mocapidx.store.encoding import encode_manifest
 from mocapidx.store.manifest import FileRecord, Manifest, SegmentFile, file_digest
@@ -233,7 +235,7 @@ def test_a_reader_takes_only_bytes_of_the_digests_from_a_forged_file(store):
         np.testing.assert_array_equal(found, expected)
 
 
-def test_a_child_that_dies_or_hangs_is_a_problem_of_its_file_alone(store, monkeypatch):
+def test_a_child_that_dies_is_a_problem_of_its_file_alone(store, monkeypatch):
     files = read_manifest(store).files
     real, asked = verify._ask_child, []
 
@@ -245,11 +247,52 @@ def test_a_child_that_dies_or_hangs_is_a_problem_of_its_file_alone(store, monkey
     (problem,) = check_schemas(store, files)
     assert (problem.number, problem.what) == (1, "HDF5 breaks on it (exit status -11)")
     assert asked == [2, 1]
-    monkeypatch.undo()
+
+
+def end_as_told(monkeypatch, output, code):
+    """Let the child that opens files end so."""
+    done = subprocess.CompletedProcess([], code, output, b"")
+    monkeypatch.setattr(subprocess, "run", lambda *_, **__: done)
+
+
+@pytest.mark.parametrize(
+    ("output", "code", "what"),
+    [
+        (b"", 1, r"could not start \(exit status 1\)"),
+        (b"\nnull\n", -signal.SIGKILL, "was killed"),
+    ],
+)
+def test_a_child_that_ends_for_other_reasons_says_nothing_of_files(
+    store, monkeypatch, output, code, what
+):
+    end_as_told(monkeypatch, output, code)
+    with pytest.raises(MocapidxError, match=f"{what}.*; nothing is known about them"):
+        list(check_schemas(store, read_manifest(store).files))
+
+
+def test_a_child_that_gets_no_time_says_nothing_of_files(store, monkeypatch):
     monkeypatch.setattr(verify, "TIMEOUT", -1.999)
-    assert [problem.what for problem in check_schemas(store, files)] == [
-        "HDF5 breaks on it (no answer)"
-    ] * 2
+    with pytest.raises(MocapidxError, match="gave no answer; nothing is known"):
+        list(check_schemas(store, read_manifest(store).files))
+
+
+def test_a_child_that_needs_too_long_is_a_problem_of_its_file(store, monkeypatch):
+    end_as_told(monkeypatch, b"\n", -signal.SIGXCPU)
+    problems = list(check_schemas(store, read_manifest(store).files))
+    assert [problem.what for problem in problems] == ["HDF5 breaks on it (exit status -24)"] * 2
+
+
+def test_files_are_asked_about_in_bounded_numbers(store, monkeypatch):
+    monkeypatch.setattr(verify, "TOGETHER", 1)
+    real, asked = verify._ask_child, []
+
+    def counting(path, files):
+        asked.append(len(files))
+        return real(path, files)
+
+    monkeypatch.setattr(verify, "_ask_child", counting)
+    assert not list(check_schemas(store, read_manifest(store).files))
+    assert asked == [1, 1]
 
 
 def test_the_child_has_limits(monkeypatch):
@@ -258,8 +301,8 @@ def test_the_child_has_limits(monkeypatch):
     monkeypatch.setattr("sys.stdin", io.StringIO())
     with pytest.raises(ValueError, match="Expecting value"):
         closed.main()
-    assert limits[resource.RLIMIT_AS] == (closed.MEMORY, closed.MEMORY)
-    assert limits[resource.RLIMIT_CPU] == (closed.SECONDS, closed.SECONDS)
+    assert limits[resource.RLIMIT_AS][0] == closed.MEMORY
+    assert limits[resource.RLIMIT_CPU][0] == closed.SECONDS
 
 
 def test_blocks_that_are_not_those_of_the_manifest_are_found(store):

@@ -102,6 +102,9 @@ def test_a_bad_file_is_passed_over_or_ends_the_run(map_fn, fixtures_dir, tmp_pat
         ("local:", "is no scheduler"),
         ("somewhere", "is no scheduler"),
         ("tcp://127.0.0.1:9", "no scheduler answers there"),
+        ("foo://127.0.0.1:9", "Dask can't connect to that"),
+        ("tls://127.0.0.1:9", "Dask can't connect to that"),
+        ("tcp://[::1", "is no scheduler|Dask can't connect to that"),
     ],
 )
 def test_what_is_no_scheduler_is_told(scheduler, says, monkeypatch):

@@ -1,8 +1,11 @@
+import shutil
+
 import numpy as np
 import pytest
 
 from mocapidx.errors import StoreError
 from mocapidx.features.featureset import load_feature_set
+from mocapidx.store import aside
 from mocapidx.store.manifest import StoreSettings
 from mocapidx.store.write import Batch, writing
 from mocapidx.tasks import verify as subject
@@ -162,3 +165,29 @@ def test_what_an_earlier_repair_has_lost_is_named_until_it_is_indexed_again(stor
         listed.unlink()
     done = mocapidx("verify", store)
     assert (done.returncode, done.stdout) == (0, "")
+
+
+def test_a_store_without_its_folder_of_segments_is_mended(store):
+    shutil.rmtree(store / "segments")
+    report = verify_store(store, repair=True)
+    assert [str(path) for path in report.lost] == ["/takes/a", "/takes/b", "/takes/c"]
+    assert names_of(store) == []
+    assert verify_store(store).problems == ()
+    assert len(verify_store(store).lost) == 3
+
+
+def test_a_link_in_the_place_of_a_list_is_not_followed(store, tmp_path):
+    (tmp_path / "precious").write_text("mine")
+    (store / "segments/damaged-000001.jsonl").symlink_to(tmp_path / "precious")
+    flip(store / "segments" / "000001.h5")
+    report = verify_store(store, repair=True)
+    assert [str(path) for path in report.lost] == ["/takes/a", "/takes/b"]
+    assert (tmp_path / "precious").read_text() == "mine"
+    assert [str(path) for path in verify_store(store).lost] == ["/takes/a", "/takes/b"]
+
+
+def test_what_was_lost_is_told_where_its_list_can_not_be_read(store, monkeypatch):
+    flip(store / "segments" / "000001.h5")
+    monkeypatch.setattr(aside, "_read", lambda _: b"not a list")
+    report = verify_store(store, repair=True)
+    assert [str(path) for path in report.lost] == ["/takes/a", "/takes/b"]
