@@ -61,7 +61,9 @@ SKIPPED = 5  # exit code: done, but some inputs were skipped
     help="Keep no joint positions: less than a tenth of the size.",
 )
 @click.option(
-    "--prune", is_flag=True, help="Drop documents whose file is gone from a folder that is there."
+    "--prune",
+    is_flag=True,
+    help="Drop documents whose file is gone from a folder that is there and not empty.",
 )
 @click.option(
     "--skip-bad", is_flag=True, help="Pass over files that can't be used; the exit code is then 5."
@@ -141,6 +143,14 @@ def index(
         )
     for refused in summary.refused:
         warn(refused.message)
+    for folder, number in summary.kept.items():
+        documents = count(number, "document")
+        warn(
+            f"{shown(folder)}: is empty or can't be listed, so {documents} from there stay; is a "
+            "disk missing? Remove the folder to have them dropped"
+        )
+    if summary.not_merged:
+        warn(f"all is saved, but small segment files were not merged: {summary.not_merged}")
     for warning in () if quiet else warnings(summary, inputs, verbose):
         warn(warning)
     note(sentence(summary, store), quiet)

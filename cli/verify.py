@@ -32,7 +32,7 @@ def verify(
 
     The exit code is 4 where damage was found, or what was lost with it is not indexed again yet;
     0 where there is none or all was rebuilt. The motion files that have to be indexed again are
-    printed, one a line.
+    printed, one a line; the same `index` as before, with its INPUT and --root, takes them again.
 
     \b
     Example:
@@ -51,18 +51,24 @@ def verify(
     for path in report.set_aside:
         note(f"{path}: set aside", quiet)
     for path in report.lost:
-        # for `xargs mocapidx index` byte by byte, but not to a terminal
+        # byte by byte for other programs, but not to a terminal
         click.echo(shown(path, None) if sys.stdout.isatty() else os.fsencode(path))
     if report.problems and not repair:
         found = count(len(report.problems), "problem")
+        price = ""
+        if report.at_stake:
+            documents = count(report.at_stake, "document")
+            price = f" and takes out {documents} of damaged files, to be indexed again"
         raise StoreError(
-            f"{store}: {found}; 'mocapidx verify {store} --repair' mends what can be rebuilt"
+            f"{store}: {found}; 'mocapidx verify {store} --repair' mends what can be rebuilt{price}"
         )
     if report.lost:
         lost = count(len(report.lost), "document")
         when = "" if report.set_aside else " in an earlier repair"
         forget = "" if report.set_aside else ", or remove what segments/damaged-* holds of them"
-        raise StoreError(f"{store}: {lost} lost{when}; index the files named above again{forget}")
+        raise StoreError(
+            f"{store}: {lost} lost{when}; run 'mocapidx index' again as you ran it before{forget}"
+        )
     if not report.problems:
         megabytes = report.size / 1e6
         note(f"{store}: sound; {count(report.documents, 'document')}, {megabytes:.1f} MB", quiet)

@@ -5,6 +5,7 @@ import errno
 import os
 import stat
 from pathlib import Path
+from typing import Final
 
 from mocapidx.errors import StoreError
 from mocapidx.store import schema
@@ -17,7 +18,13 @@ __all__ = [
     "open_segment",
     "read_exactly",
     "reason",
+    "unreadable",
 ]
+
+
+NO_FILE: Final = frozenset(
+    {errno.ENOENT, errno.ENOTDIR, errno.ELOOP, errno.EINVAL, errno.EISDIR, errno.ENXIO}
+)
 
 
 class DamagedError(StoreError):
@@ -159,6 +166,33 @@ def read_exactly(descriptor: int, offset: int, size: int) -> bytes:
         pieces.append(piece)
         offset, size = offset + len(piece), size - len(piece)
     return pieces[0] if len(pieces) == 1 else b"".join(pieces)
+
+
+def unreadable(store: Path, name: str, error: OSError | EOFError) -> StoreError:
+    """Tell damage from what only keeps us from reading.
+
+    Parameters
+    ----------
+    store : Path
+        Folder of the store.
+    name : str
+        Of the file in the folder of segments.
+    error : OSError or EOFError
+        What was raised.
+
+    Returns
+    -------
+    DamagedError
+        Where the file is gone, cut off or another thing than a file: a repair may take it out.
+    StoreError
+        Where the system refuses to read it, now or to us: of its content nothing is known.
+    """
+    if isinstance(error, EOFError) or error.errno in NO_FILE:
+        return DamagedError(store, name, reason(error))
+    return StoreError(
+        f"{store / schema.SEGMENTS / name}: can't be read ({reason(error)}); see to its "
+        "permissions or its disk"
+    )
 
 
 def reason(error: OSError | EOFError) -> str:

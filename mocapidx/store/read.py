@@ -26,6 +26,7 @@ from mocapidx.store.files import (
     open_segment,
     read_exactly,
     reason,
+    unreadable,
 )
 from mocapidx.store.manifest import (
     Manifest,
@@ -250,7 +251,7 @@ class Snapshot:
         try:
             return read_exactly(self._open(file, which), offset, size)
         except (OSError, EOFError) as exc:
-            raise DamagedError(self.path, name, reason(exc)) from exc
+            raise unreadable(self.path, name, exc) from exc
 
 
 def open_store(path: Path) -> Snapshot:
@@ -280,7 +281,7 @@ def open_store(path: Path) -> Snapshot:
             # A commit may have taken files away since the manifest was read: look again.
             if exc.errno not in MOVED or attempt == ATTEMPTS:
                 name = os.path.basename(exc.filename or "") or schema.SEGMENTS
-                raise DamagedError(path, name, reason(exc)) from exc
+                raise unreadable(path, name, exc) from exc
     raise StoreError(f"{path}: its manifest changes too often")
 
 

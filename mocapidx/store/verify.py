@@ -17,7 +17,7 @@ from typing import Final
 from mocapidx.errors import MocapidxError
 from mocapidx.store import schema
 from mocapidx.store.encoding import meta_json
-from mocapidx.store.files import DamagedError, open_segment, read_exactly, reason
+from mocapidx.store.files import DamagedError, open_segment, read_exactly, unreadable
 from mocapidx.store.manifest import FileRecord, SegmentFile, file_digest
 from mocapidx.store.read import Snapshot
 
@@ -66,6 +66,11 @@ def check_digests(path: Path, files: Iterable[SegmentFile]) -> Iterator[Problem]
     ------
     Problem
         At most one a file.
+
+    Raises
+    ------
+    StoreError
+        If the system refuses to read a file that is there.
     """
     for file in files:
         for name, record in zip(file.names, (file.h5, file.idx), strict=True):
@@ -177,18 +182,19 @@ def _unchecked(path: Path, what: str) -> MocapidxError:
 
 
 def _digest_fault(path: Path, name: str, record: FileRecord) -> str | None:
+    digest = file_digest()
     try:
         descriptor = open_segment(path, name, record)
+        try:
+            for start in range(0, record.size, PIECE):
+                digest.update(read_exactly(descriptor, start, min(PIECE, record.size - start)))
+        finally:
+            os.close(descriptor)
     except DamagedError as exc:
         return exc.what
-    except OSError as exc:
-        return reason(exc)
-    try:
-        digest = file_digest()
-        for start in range(0, record.size, PIECE):
-            digest.update(read_exactly(descriptor, start, min(PIECE, record.size - start)))
     except (OSError, EOFError) as exc:
-        return reason(exc)
-    finally:
-        os.close(descriptor)
+        fault = unreadable(path, name, exc)
+        if isinstance(fault, DamagedError):
+            return fault.what
+        raise fault from exc
     return None if digest.hexdigest() == record.digest else "it does not match its digest"

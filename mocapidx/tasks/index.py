@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from mocapidx.errors import FormatError, Interrupted
 from mocapidx.features.featureset import FeatureSet, load_feature_set
 from mocapidx.printable import count, shown
+from mocapidx.store.files import DamagedError
 from mocapidx.store.manifest import Document, StoreSettings
 from mocapidx.store.read import read_manifest
 from mocapidx.store.schema import MANIFEST
@@ -31,6 +32,7 @@ from mocapidx.tasks.prepare import (
     is_unchanged,
     prepare_item,
 )
+from mocapidx.tasks.prune import gone_documents
 from mocapidx.tasks.read import ReadOptions
 from mocapidx.tasks.segment_sources import store_feature_set
 from mocapidx.tasks.sources import Source, find_sources
@@ -117,6 +119,8 @@ class IndexSummary:
     ----------
     added, changed, unchanged, removed : int
         Documents.
+    kept : mapping of Path to int
+        Folders that are empty or can't be listed, and how many documents were not pruned for it.
     passed_over : int
         Files of unknown kinds found in folders.
     refused : list of Refused
@@ -127,6 +131,8 @@ class IndexSummary:
         What looks wrong about skeletons, with the document's name before it.
     doubled : list of (str, str)
         Names of documents that are one file.
+    not_merged : str
+        Why small segment files were not merged, if they were to be; else empty.
     gaps_filled, gaps_left : int
         Gaps of points in the files read.
     frames : int
@@ -140,11 +146,13 @@ class IndexSummary:
     changed: int = 0
     unchanged: int = 0
     removed: int = 0
+    kept: Mapping[Path, int] = field(default_factory=dict)
     passed_over: int = 0
     refused: list[Refused] = field(default_factory=list)
     assumed_rate: list[str] = field(default_factory=list)
     oddities: list[str] = field(default_factory=list)
     doubled: list[tuple[str, str]] = field(default_factory=list)
+    not_merged: str = ""
     gaps_filled: int = 0
     gaps_left: int = 0
     frames: int = 0
@@ -219,10 +227,15 @@ def index_files(
                     if progress is not None:
                         progress(IndexProgress(done, len(items), summary.frames))
             if options.prune:
-                _prune(known, writer, summary)
+                gone, summary.kept = gone_documents(known)
+                writer.commit(None, remove=gone)
+                summary.removed = len(gone)
             small = small_files(writer.snapshot.files, options.batch_bytes)
             if len(writer.snapshot.files) > MOST_SEGMENT_FILES and len(small) > 1:
-                merge_files(writer, small, feature_set)
+                try:
+                    merge_files(writer, small, feature_set)
+                except DamagedError as exc:  # what this run was to do is done
+                    summary.not_merged = str(exc)
         except Interrupted as exc:
             documents = count(summary.added + summary.changed, "document")
             raise Interrupted(
@@ -340,15 +353,3 @@ def _commit(
     changed = sum(name in known for name in names)
     summary.changed += changed
     summary.added += len(names) - changed
-
-
-def _prune(known: Mapping[str, Document], writer: Writer, summary: IndexSummary) -> None:
-    """Drop documents whose file is gone; a folder that is gone as a whole may come back."""
-    gone = [
-        name
-        for name, document in known.items()
-        if os.path.isdir(document.root) and not os.path.lexists(document.source)
-    ]
-    if gone:
-        writer.commit(None, remove=gone)
-        summary.removed = len(gone)

@@ -12,6 +12,7 @@ from mocapidx.features.gaps import unspecified_within
 from mocapidx.kernels.choice import instructions_in_use, kernels_in_use
 from mocapidx.printable import meant, shown
 from mocapidx.store import schema
+from mocapidx.store.aside import lost_sources
 from mocapidx.store.manifest import Document, Placed
 from mocapidx.store.read import Snapshot, open_store
 from mocapidx.tasks.records import Record
@@ -42,7 +43,8 @@ def store_info(store: str | Path) -> Record:
     Returns
     -------
     mapping of str to number or str
-        Documents, minutes, frames; segments, lists and bytes a segment of each sub-index (the
+        Documents, minutes, frames; documents that a repair took out and nobody has indexed again,
+        if any; segments, lists and bytes a segment of each sub-index (the
         serialised lists alone); size on disk, feature set and versions; which kernels run, and
         with what instructions.
 
@@ -66,6 +68,8 @@ def store_info(store: str | Path) -> Record:
             "segment_files": len(snapshot.files),
             "megabytes": round(sum(f.h5.size + f.idx.size for f in snapshot.files) / 1e6, 2),
         }
+        if lost := lost_sources(snapshot.path, [entry.document for entry in documents]):
+            facts["lost_in_repairs"] = len(lost)
         for part in PARTS:
             facts |= _part_facts(snapshot, feature_set, part)
         facts |= {

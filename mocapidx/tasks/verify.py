@@ -41,6 +41,8 @@ class VerifyReport:
         Index files that were built again from their HDF5 file.
     set_aside : tuple of Path
         Damaged files, under their new names.
+    at_stake : int
+        Live documents in the damaged files, which a repair takes out of the store.
     lost : tuple of Path
         Motion files whose documents were in damaged files, of this repair or an earlier one, and
         are in the store no more: to be indexed again.
@@ -52,6 +54,7 @@ class VerifyReport:
     problems: tuple[str, ...]
     rebuilt: tuple[Path, ...] = ()
     set_aside: tuple[Path, ...] = ()
+    at_stake: int = 0
     lost: tuple[Path, ...] = ()
 
 
@@ -149,6 +152,7 @@ def _summary(
     lines = [f"{snapshot.path / 'segments' / found.name}: {found.what}" for found in problems]
     if sigma is not None:
         lines.append(f"{snapshot.path / SIGMA}: {sigma}; it is measured again when needed")
+    broken = {problem.number for problem in problems if not problem.only_index}
     return VerifyReport(
         documents=len(snapshot.documents()),
         files=len(snapshot.files),
@@ -156,6 +160,7 @@ def _summary(
         problems=tuple(lines),
         rebuilt=rebuilt,
         set_aside=set_aside,
+        at_stake=sum(entry.file.number in broken for entry in snapshot.documents()),
         lost=lost_sources(snapshot.path, held, dropped),
     )
 

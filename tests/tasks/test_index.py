@@ -28,6 +28,7 @@ from mocapidx.tasks import index as index_task
 from mocapidx.tasks import prepare as prepare_task
 from mocapidx.tasks.compact import compact_store
 from mocapidx.tasks.index import IndexOptions, index_files
+from mocapidx.tasks.prune import gone_documents
 from mocapidx.tasks.query import query_store
 from mocapidx.tasks.read import Limits, ReadOptions, read_motion
 from tests.small_files import PERSON, bvh_text, person_rows
@@ -125,6 +126,54 @@ def test_prune_drops_what_is_gone_but_not_with_its_whole_folder(takes, tmp_path)
     (tmp_path / "other").mkdir()
     takes.rename(tmp_path / "moved")
     assert index_files([tmp_path / "other"], store, IndexOptions(prune=True)).removed == 0
+
+
+def test_prune_keeps_what_may_be_on_a_disk_that_is_not_mounted(takes, tmp_path, mocapidx):
+    store = tmp_path / "s.store"
+    index_files([takes], store)
+    shutil.rmtree(takes / "walk")
+    (takes / "walk").mkdir()
+    summary = index_files([takes], store, IndexOptions(prune=True))
+    assert (summary.removed, dict(summary.kept)) == (0, {takes / "walk": 3})
+    done = mocapidx("index", takes, "--store", store, "--prune", "--quiet")
+    assert done.returncode == 0
+    assert done.stderr.startswith(f"Warning: {takes}/walk: is empty or can't be listed, so 3 doc")
+    (takes / "walk").rmdir()
+    assert index_files([takes], store, IndexOptions(prune=True)).removed == 3
+    shutil.rmtree(takes)
+    takes.mkdir()
+    assert index_files([takes], store, IndexOptions(prune=True)).removed == 0
+    assert len(names(store)) == 6
+
+
+def test_prune_keeps_what_is_in_folders_that_can_not_be_listed(takes, tmp_path, monkeypatch):
+    store = tmp_path / "s.store"
+    index_files([takes], store)
+    with open_store(store) as snapshot:
+        known = {entry.document.name: entry.document for entry in snapshot.documents()}
+    shutil.rmtree(takes / "walk")
+    (takes / "walk").mkdir()
+
+    def refused(_):
+        raise PermissionError
+
+    monkeypatch.setattr(os, "scandir", refused)
+    assert gone_documents(known) == ([], {takes / "walk": 3})
+
+
+def test_a_damaged_segment_file_puts_off_the_merge_alone(takes, tmp_path, monkeypatch, mocapidx):
+    monkeypatch.setattr(index_task, "MOST_SEGMENT_FILES", 2)
+    store, clips = tmp_path / "s.store", sorted((takes / "squat").glob("*.amc"))
+    for clip in clips[:2]:
+        index_files([clip], store, IndexOptions(root=takes))
+    flip = store / "segments/000001.h5"
+    data = bytearray(flip.read_bytes())
+    data[len(data) // 2] ^= 1
+    flip.write_bytes(data)
+    summary = index_files([clips[2]], store, IndexOptions(root=takes))
+    assert summary.added == 1
+    assert "000001.h5: damaged" in summary.not_merged
+    assert len(names(store)) == 3
 
 
 def test_a_bad_file_stops_the_run_or_is_passed_over(takes, tmp_path):

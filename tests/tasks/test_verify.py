@@ -1,3 +1,5 @@
+import errno
+import os
 import shutil
 
 import numpy as np
@@ -7,9 +9,11 @@ from mocapidx.errors import StoreError
 from mocapidx.features.featureset import load_feature_set
 from mocapidx.store import aside
 from mocapidx.store.manifest import StoreSettings
+from mocapidx.store.read import open_store
 from mocapidx.store.write import Batch, writing
 from mocapidx.tasks import verify as subject
 from mocapidx.tasks.batch import make_batch
+from mocapidx.tasks.info import store_info
 from mocapidx.tasks.verify import verify_store
 from tests.made_store import make_document, names_of, read_everything, store_bytes
 
@@ -160,7 +164,7 @@ def test_what_an_earlier_repair_has_lost_is_named_until_it_is_indexed_again(stor
     for arguments in ([store], [store, "--repair"]):
         done = mocapidx("verify", *arguments)
         assert (done.returncode, done.stdout) == (4, "/takes/a\n/takes/b\n")
-        assert "2 documents lost in an earlier repair; index the files named above" in done.stderr
+        assert "2 documents lost in an earlier repair; run 'mocapidx index' again as" in done.stderr
     for listed in (store / "segments").glob("damaged-*"):
         listed.unlink()
     done = mocapidx("verify", store)
@@ -191,3 +195,33 @@ def test_what_was_lost_is_told_where_its_list_can_not_be_read(store, monkeypatch
     monkeypatch.setattr(aside, "_read", lambda _: b"not a list")
     report = verify_store(store, repair=True)
     assert [str(path) for path in report.lost] == ["/takes/a", "/takes/b"]
+
+
+@pytest.mark.parametrize("number", [errno.EACCES, errno.EIO, errno.ESTALE, errno.EMFILE])
+def test_what_the_system_refuses_to_read_is_not_damaged(store, monkeypatch, number):
+    before, opened = store_bytes(store), os.open
+
+    def refusing(path, flags, *mode, **options):
+        if str(path).endswith("000002.h5"):
+            raise OSError(number, os.strerror(number), str(path))
+        return opened(path, flags, *mode, **options)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "open", refusing)
+        for repair in (False, True):
+            with pytest.raises(StoreError, match=r"000002\.h5: can't be read \(") as told:
+                verify_store(store, repair=repair)
+            assert "--repair" not in str(told.value)
+        with pytest.raises(StoreError, match=r"000002\.h5: can't be read \("):
+            open_store(store)
+    assert store_bytes(store) == before
+
+
+def test_what_a_repair_will_cost_is_told_before(store, mocapidx):
+    flip(store / "segments" / "000001.h5")
+    done = mocapidx("verify", store)
+    assert done.returncode == 4
+    assert "and takes out 2 documents of damaged files, to be indexed again" in done.stderr
+    assert "lost_in_repairs" not in mocapidx("info", store).stdout
+    verify_store(store, repair=True)
+    assert store_info(store)["lost_in_repairs"] == 2
