@@ -19,7 +19,7 @@ from mocapidx.skeleton.joints import CANONICAL_JOINTS
 from mocapidx.store.space import read_space, write_space
 from mocapidx.synthesis.blending import Examples
 from mocapidx.synthesis.bodies import Body, Movement
-from mocapidx.synthesis.parameters import parse_parameters
+from mocapidx.synthesis.parameters import QUANTITIES, parse_parameters
 from mocapidx.synthesis.registration import Registration
 from mocapidx.synthesis.spaces import BlendSpace, Origin
 
@@ -28,6 +28,7 @@ __all__ = ["load_space", "save_space"]
 MOST_NODES: Final = 4096
 LARGEST: Final = 1e9  # metres, radians, or units of a parameter
 SLACK: Final = 1e-6
+UNITS: Final = frozenset({"", *QUANTITIES.values()})
 """By how much rounding may take weights out of their bounds."""
 
 
@@ -136,7 +137,8 @@ def _space(meta: Mapping[str, Any], arrays: Mapping[str, list[NDArray[Any]]]) ->
     scales = np.array([_number(scale, 1e-9, 1e9) for scale in meta["scales"]])
     extrapolation = _number(meta["extrapolation"], 0.0, 1.0)
     weights, parameters = _samples(arrays["samples"], count, len(names), extrapolation)
-    if not len(names) == len(units) == len(scales) > 0:
+    told = all(name.isprintable() for name in names) and set(units) <= UNITS
+    if not (told and len(names) == len(units) == len(scales) > 0):
         _wrong("its parameters are not told rightly")
     text = str(meta["parameters"])
     if text and parse_parameters(text, "parameters").names != names:

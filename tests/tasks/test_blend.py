@@ -151,6 +151,8 @@ def test_every_changed_byte_of_a_space_is_noticed(place, tmp_path):
         ("scales", [1.0]),
         ("scales", [0.0, 1.0]),
         ("names", ["x"]),
+        ("units", ["\x1b[2J", "m"]),
+        ("units", ["m", "m\0"]),
         ("extrapolation", 5),
         ("rates", [120.0]),
         ("rates", ["a"] * 4),
