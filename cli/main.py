@@ -50,6 +50,7 @@ SECTIONS = {
     "Look after stores": {
         "verify": ("verify:verify", "Check every byte of a store; repair what can be rebuilt."),
         "merge": ("merge:merge", "Join stores that independent jobs built."),
+        "remove": ("remove:remove", "Take documents out of a store."),
         "compact": ("compact:compact", "Merge the segment files of a store."),
         "reindex": ("reindex:reindex", "Make a store of another feature set from a store's poses."),
     },

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from mocapidx.tasks.query import query_store
     from mocapidx.tasks.read import read_motion
     from mocapidx.tasks.reindex import reindex_store
+    from mocapidx.tasks.remove import remove_documents
     from mocapidx.tasks.report import make_report
     from mocapidx.tasks.retrieve import retrieve
     from mocapidx.tasks.skeleton_report import skeleton_report
@@ -73,6 +74,7 @@ __all__ = [
     "read_graph",
     "read_motion",
     "reindex_store",
+    "remove_documents",
     "retrieve",
     "skeleton_report",
     "store_info",
@@ -113,6 +115,7 @@ _HOMES = {
     "read_graph": "tasks.match_graphs:read_graph",
     "read_motion": "tasks.read:read_motion",
     "reindex_store": "tasks.reindex:reindex_store",
+    "remove_documents": "tasks.remove:remove_documents",
     "retrieve": "tasks.retrieve:retrieve",
     "skeleton_report": "tasks.skeleton_report:skeleton_report",
     "store_info": "tasks.info:store_info",
