@@ -75,7 +75,7 @@ WRITERS = {
             "index-changed", "index changed --store grown.store --prune --jobs 1", ("grown.store",)
         ),
         Writer("index-merging", "index more --store many.store --jobs 1", ("many.store",)),
-        Writer("remove", "remove grown.store --where document=jog/*", ("grown.store",)),
+        Writer("remove", "remove one.store --where document=squat/*", ("one.store",)),
         Writer("compact-one", "compact one.store", ("one.store",)),
         Writer("compact-grown", "compact grown.store", ("grown.store",)),
         Writer("compact-many", "compact many.store", ("many.store",)),
