@@ -20,7 +20,8 @@ def compact(store: Path, lock_timeout: float, use_lock: bool, quiet: bool) -> No
     """Merge the segment files of STORE and drop what was removed.
 
     `index` adds segment files and merges small ones by itself when there are many; documents that
-    were removed or changed keep their place on disk until then. Nothing that is found changes. One
+    were removed or changed keep their place on disk until then; the files that were merged go with
+    the next command that writes, as readers may have them open. Nothing that is found changes. One
     file is left, or one for each 155 hours (at 30 Hz); a run that is stopped goes on with the next.
 
     \b

@@ -124,7 +124,7 @@ class IndexSummary:
     passed_over : int
         Files of unknown kinds found in folders.
     refused : list of Refused
-        Files that could not be used, in the order of their names.
+        Folders that could not be listed, then files that could not be used, in order.
     assumed_rate : list of str
         Documents of which nothing says the source rate.
     oddities : list of str
@@ -202,8 +202,12 @@ def index_files(
     if options.name_pattern is not None:
         name_regex(options.name_pattern)
     check_writable(store)
-    sources, passed_over = find_sources([Path(given) for given in inputs], options.root)
+    closed: list[str] = []
+    sources, passed_over = find_sources(
+        [Path(given) for given in inputs], options.root, closed if options.skip_bad else None
+    )
     summary = IndexSummary(passed_over=passed_over)
+    summary.refused += [Refused(message, message) for message in closed]
     with writing(
         store,
         command="index",

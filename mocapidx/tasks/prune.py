@@ -34,7 +34,7 @@ def gone_documents(known: Mapping[str, Document]) -> tuple[list[str], Counter[Pa
     for name, document in known.items():
         if os.path.isdir(document.root) and not os.path.lexists(document.source):
             folder = document.source.parent
-            while not folder.is_dir():
+            while not os.path.isdir(folder):
                 folder = folder.parent
             if is_full(folder):
                 gone.append(name)

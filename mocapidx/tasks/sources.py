@@ -1,7 +1,7 @@
 """Find the motion files below folders and name the documents that they become."""
 
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -42,7 +42,7 @@ class Source:
 
 
 def find_sources(
-    inputs: Sequence[Path], root: Path | None = None
+    inputs: Sequence[Path], root: Path | None = None, closed: list[str] | None = None
 ) -> tuple[tuple[Source, ...], int]:
     """List the motion files among files and folders, folders searched all the way down.
 
@@ -55,6 +55,8 @@ def find_sources(
     inputs : sequence of Path
     root : Path, optional
         Names are relative to this folder instead of the input that a file was found in.
+    closed : list of str, optional
+        Gets a message for each folder that can't be listed, which is then passed over.
 
     Returns
     -------
@@ -68,12 +70,13 @@ def find_sources(
     ParameterError
         If an input does not exist or lies outside `root`, or two files have one name.
     FormatError
-        If an input that is a file is of an unknown kind, or a folder can't be listed.
+        If an input that is a file is of an unknown kind, or a folder can't be listed and `closed`
+        isn't given.
     """
     found: dict[str, Source] = {}
     passed_over = 0
     for given in inputs:
-        for path in _files(given):
+        for path in _files(given, closed):
             if not (is_motion_file(path) if path == given else holds_motion(path)):
                 if path == given:
                     raise FormatError(
@@ -101,7 +104,7 @@ def _source(path: Path, given: Path, root: Path | None) -> Source:
     return Source(name.replace(os.sep, "/"), absolute)
 
 
-def _files(given: Path) -> Iterator[Path]:
+def _files(given: Path, closed: list[str] | None) -> Iterator[Path]:
     """List the file itself, or all files below a folder, in a fixed order."""
     if not os.path.lexists(given):
         raise ParameterError(f"{shown(str(given))}: no such file or folder")
@@ -111,7 +114,16 @@ def _files(given: Path) -> Iterator[Path]:
     folders = [given]
     while folders:
         folder = folders.pop()
-        below = sorted(_listing(folder), key=lambda entry: entry.name)
+        try:
+            with os.scandir(folder) as entries:
+                below = sorted(entries, key=lambda entry: entry.name)
+        except OSError as exc:
+            reason = (exc.strerror or type(exc).__name__).lower()
+            fault = f"{shown(str(folder))}: can't be listed ({reason})"
+            if closed is None:
+                raise FormatError(f"{fault}; see to its permissions or its disk") from exc
+            closed.append(fault)
+            continue
         for entry in below:
             if entry.name.startswith("."):
                 continue
@@ -119,11 +131,3 @@ def _files(given: Path) -> Iterator[Path]:
                 folders.append(Path(entry.path))
             elif not (entry.is_symlink() and os.path.isdir(entry.path)):
                 yield Path(entry.path)
-
-
-def _listing(folder: Path) -> Iterable[os.DirEntry[str]]:
-    try:
-        with os.scandir(folder) as entries:
-            return list(entries)
-    except OSError as exc:
-        raise FormatError(f"{shown(str(folder))}: can't be listed: {exc.strerror}") from exc

@@ -1,4 +1,5 @@
 import contextlib
+import errno
 import os
 import resource
 import shutil
@@ -159,6 +160,25 @@ def test_prune_keeps_what_is_in_folders_that_can_not_be_listed(takes, tmp_path, 
 
     monkeypatch.setattr(os, "scandir", refused)
     assert gone_documents(known) == ([], {takes / "walk": 3})
+
+
+def test_a_folder_that_can_not_be_listed_stops_the_run_or_is_passed_over(
+    takes, tmp_path, monkeypatch
+):
+    store, scandir = tmp_path / "s.store", os.scandir
+    index_files([takes], store)
+
+    def refusing(folder):
+        if str(folder).endswith("walk"):
+            raise PermissionError(errno.EACCES, "Permission denied")
+        return scandir(folder)
+
+    monkeypatch.setattr(os, "scandir", refusing)
+    with pytest.raises(FormatError, match=r"walk: can't be listed \(permission denied\)"):
+        index_files([takes], store)
+    summary = index_files([takes], store, IndexOptions(skip_bad=True, prune=True))
+    assert (summary.unchanged, summary.removed, len(summary.refused)) == (6, 0, 1)
+    assert len(names(store)) == 9
 
 
 def test_a_damaged_segment_file_puts_off_the_merge_alone(takes, tmp_path, monkeypatch, mocapidx):
