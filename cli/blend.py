@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from .options import NewFile, NumberRange
+from .options import NewFile, NumberRange, complete_file
 from .rows import note, print_rows, row_options
 
 __all__ = ["blend"]
@@ -44,6 +44,7 @@ def blend() -> None:
     "--parameter",
     required=True,
     metavar="FILE",
+    shell_complete=complete_file,
     help="What to steer by: a TOML file, or FILE.py:FUNCTION (which is run).",
 )
 @click.option(
@@ -161,7 +162,7 @@ def fit(
 )
 @click.option(
     "--output",
-    type=NewFile(),
+    type=NewFile(is_motion=True),
     required=True,
     metavar="NEW.bvh|NEW.amc",
     help="The new motion; NEW.asf is written with an AMC.",
@@ -175,6 +176,7 @@ def fit(
 @click.option(
     "--parameter",
     metavar="FILE.py:FUNCTION",
+    shell_complete=complete_file,
     help="The function again, where the space was fitted with one; it is run.",
 )
 @click.option(
@@ -260,6 +262,7 @@ def info(space: Path, row_format: str, output: Path) -> None:
 @click.option(
     "--parameter",
     metavar="FILE.py:FUNCTION",
+    shell_complete=complete_file,
     help="The function again, where the space was fitted with one; it is run.",
 )
 def plot(

@@ -65,7 +65,7 @@ TRANSCRIPTS = ("eaf", "textgrid", "vtt", "srt", "babel", "labels", "jsonl")
 @click.option(
     "--top", type=click.IntRange(min=1), metavar="N", help="Only the best N.  [default: all]"
 )
-@click.option("--force", is_flag=True, help="Replace files that are there.")
+@click.option("--force", is_flag=True, help="Replace files that are there and differ.")
 @click.option(
     "--skip-bad",
     is_flag=True,
@@ -90,6 +90,7 @@ def export(
 
     RECORDS are those of query, retrieve or annotate, as JSON lines or CSV, or a file of one of
     those programs. Names of clips begin with the rank; clips.jsonl says where each is from.
+    When it was stopped, run it again: what is there just as it would be written is kept.
 
     \b
     Example:
@@ -118,7 +119,9 @@ def export(
         exported = export_clips(records, output, options, progress=bar.show)
     for refused in exported.refused:
         warn(refused.message)
-    note(f"{count(len(exported.clips), 'clip')} in {output}", quiet)
+    there = f"; {exported.there} {'was' if exported.there == 1 else 'were'} there already"
+    clips = f"{count(len(exported.clips), 'clip')} in {output}"
+    note(f"{clips}{there if exported.there else ''}", quiet)
     return SKIPPED if exported.refused else 0
 
 

@@ -42,11 +42,12 @@ def man(output: Path) -> None:
       man mocapidx-index
     """
     from mocapidx.tasks.records import save_text
-    from mocapidx.tasks.safe_names import make_folders
+    from mocapidx.tasks.safe_names import check_outside_stores, make_folders
 
     root = click.get_current_context().find_root()
     pages = [("", root.command), *all_commands(root.command, root)]
     folder = output / "man1"
+    check_outside_stores(folder)
     make_folders(folder)
     for words, command in pages:
         name = "-".join(["mocapidx", *words.split()])

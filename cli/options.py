@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -48,19 +48,86 @@ class NumberRange(click.FloatRange):
 
 
 class NewFile(click.Path):
-    """A file to be written; a wrong folder is told now and not after hours of work."""
+    """A file to be written; a wrong folder is told now and not after hours of work.
 
-    def __init__(self, *, allow_dash: bool = False) -> None:
+    Parameters
+    ----------
+    allow_dash : bool
+        ``-`` is the standard output.
+    is_motion : bool
+        Motion is written there, so what is there may be motion.
+    may_be : str, optional
+        The parameter whose file may be changed in place.
+    """
+
+    def __init__(
+        self, *, allow_dash: bool = False, is_motion: bool = False, may_be: str | None = None
+    ) -> None:
         super().__init__(dir_okay=False, path_type=Path, allow_dash=allow_dash)
+        self.is_motion = is_motion
+        self.may_be = may_be
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Take the path, and refuse one in a folder that is not there or may not be written."""
-        from mocapidx.tasks.safe_names import check_place
-
         path = Path(os.fsdecode(super().convert(value, param, ctx)))
         if str(path) != "-":
-            check_place(path)
+            from mocapidx.tasks.safe_names import check_place
+
+            check_place(path, is_motion=self.is_motion)
         return path
+
+
+class WaryContext(click.Context):
+    """Compares what a command would write with what it would read, before it runs."""
+
+    def invoke(self, callback: Any, /, *args: Any, **kwargs: Any) -> Any:
+        """Refuse an output that is one of the inputs; else run the command."""
+        outputs = {
+            param: Path(os.fsdecode(self.params[param.name]))
+            for param in self.command.params
+            if param.name in self.params and is_output(param)
+            if self.params[param.name] not in (None, Path("-"))
+        }
+        if outputs:
+            from mocapidx.tasks.outputs import check_output
+
+            for param, path in outputs.items():
+                inputs = list(files_in(self, getattr(param.type, "may_be", None)))
+                others = [(spelled(p), place) for p, place in outputs.items() if p is not param]
+                check_output(spelled(param), path, inputs, others)
+        return super().invoke(callback, *args, **kwargs)
+
+
+click.Command.context_class = WaryContext  # every command's, so that none can forget to look
+
+
+def is_output(param: click.Parameter) -> bool:
+    """Whether a parameter names what is written."""
+    return isinstance(param.type, NewFile) or param.name == "output"
+
+
+def files_in(ctx: click.Context, without: str | None) -> Iterator[tuple[str, str]]:
+    """List the values that may be files to be read: those that a shell completes as files."""
+    root = ctx.find_root()
+    for level in (ctx, root):
+        for param in level.command.params:
+            if (
+                is_output(param)
+                or param.name == without
+                or not any(item.type in ("file", "dir") for item in param.shell_complete(level, ""))
+            ):
+                continue
+            value = level.params.get(param.name or "")
+            for each in value if isinstance(value, tuple) else (value,):
+                if isinstance(each, (str, Path)) and str(each) != "-":
+                    yield spelled(param), str(each)
+    if (settings := getattr(root.obj, "path", None)) is not None:
+        yield "the settings", str(settings)
+
+
+def spelled(param: click.Parameter) -> str:
+    """Name a parameter as the help does."""
+    return max(param.opts, key=len) if param.opts[0][:1] == "-" else param.human_readable_name
 
 
 def complete_file(

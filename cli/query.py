@@ -51,6 +51,7 @@ UNSET = {None, "adaptive", 0}  # what they are where not given; 0 is also False
 @click.option(
     "--scene",
     metavar="FILE.toml|NAME",
+    shell_complete=complete_file,
     help="Several progressions and conditions between them; shipped is kick-then-punch.",
 )
 @click.option(

@@ -20,7 +20,7 @@ templates_argument = click.argument("templates", type=click.Path(path_type=Path)
 class_option = click.option("--class", "label", required=True, metavar="NAME", help="The class.")
 result_option = click.option(
     "--output",
-    type=FILE,
+    type=NewFile(may_be="templates"),
     required=True,
     help="Template file for the result, with all other templates; may be TEMPLATES itself.",
 )

@@ -1,5 +1,6 @@
 """Join stores that independent jobs built, without reading a motion file again."""
 
+import os
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -10,6 +11,7 @@ from mocapidx.printable import shown
 from mocapidx.store.manifest import Document, SegmentFile
 from mocapidx.store.read import Snapshot, open_store
 from mocapidx.store.write import check_writable, writing
+from mocapidx.tasks.safe_names import check_outside_stores
 
 __all__ = ["Merged", "merge_stores"]
 
@@ -69,6 +71,7 @@ def merge_stores(
     """
     if any(path.resolve() == output.resolve() for path in stores):
         raise ParameterError(f"{shown(output)}: is one of the stores to merge; give another one")
+    check_outside_stores(Path(os.path.realpath(output)).parent)
     check_writable(output)
     with ExitStack() as open_stores:
         opened = [open_stores.enter_context(open_store(path)) for path in stores]

@@ -11,7 +11,13 @@ from mocapidx.store.read import open_store
 from mocapidx.tasks.document_names import DocumentNames
 from mocapidx.tasks.found import Found, read_found
 from mocapidx.tasks.records import render_records
-from mocapidx.tasks.safe_names import check_place, check_targets, document_stem
+from mocapidx.tasks.safe_names import (
+    check_place,
+    check_targets,
+    document_stem,
+    has_content,
+    those_there,
+)
 from mocapidx.transcripts.babel import babel_text
 from mocapidx.transcripts.kinds import KINDS
 from mocapidx.transcripts.spans import Span, Transcript
@@ -49,7 +55,7 @@ def export_transcripts(
     Returns
     -------
     tuple of Path
-        The files written.
+        The files; those that were there already, byte for byte, were passed over.
 
     Raises
     ------
@@ -68,9 +74,12 @@ def export_transcripts(
             output / f"{document_stem(document)}{kind.suffix}": data
             for document, data in written.items()
         }
-    check_targets(files, force)
+    there = those_there(files)
+    same = {path for path in there if not force and has_content(path, files[path])}
+    check_targets((path for path in there if path not in same), force)
     for path, data in files.items():
-        durable_replace(path, data)
+        if path not in same:
+            durable_replace(path, data)
     return tuple(files)
 
 

@@ -13,7 +13,7 @@ WHY = re.compile(
     r"no space left on \S+ for \S+: (needed (about|at least) \d+ [kM]B, )?"
     r"(free \d+ [kM]B(, but no room for one more file \(inodes\); remove some there)?"
     r"|over the limit for the size of a file \(ulimit -f: \d+ [kM]B\))"
-    r"; (\S+ is (unchanged|not there)(; \d+ clips? written; run again with --force)?"
+    r"; (\S+ is (unchanged|not there)(; \d+ clips? written; run again to continue)?"
     r"|nothing was made"
     r"|store unchanged( \(\d+ documents?\))?"
     r"|what was saved before stays \(\d+ documents?\); run again to continue)"

@@ -124,11 +124,11 @@ WRITERS = {
             ("g.json", "hits.csv"),
         ),
         Writer(
-            "export-clips", "export squats.jsonl --root takes --output clips", ("clips",), "--force"
+            "export-clips", "export squats.jsonl --root takes --output clips", ("clips",)
         ),
         Writer(
             "export-elan", "export squats.jsonl --store one.store --to eaf --output notes",
-            ("notes",), "--force",
+            ("notes",),
         ),
         Writer("report", "report one.store squats.jsonl --output r.html", ("r.html",)),
         Writer("plot", "plot matrix one.store --document squat/1.bvh --output m.png", ("m.png",)),

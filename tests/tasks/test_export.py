@@ -1,8 +1,10 @@
 """Clips hold what the stretch of their file held, lie in their folder, and say where from."""
 
+import contextlib
 import csv
 import json
 import os
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -243,7 +245,7 @@ def test_who_stops_it_is_told_how_far_it_came(tmp_path, fixtures_dir):
         raise Interrupted(15)
 
     options = ExportOptions(roots=(fixtures_dir,))
-    with pytest.raises(Interrupted, match="stopped after 1 clip; run again with --force"):
+    with pytest.raises(Interrupted, match="stopped after 1 clip; run again to continue"):
         export_clips(hits, tmp_path / "clips", options, progress=stop)
 
 
@@ -262,7 +264,7 @@ def test_a_disk_that_is_full_half_way_is_told_with_how_far_it_came(
 
     monkeypatch.setattr(subject, "durable_replace", write)
     options = ExportOptions(roots=(fixtures_dir,))
-    with pytest.raises(WriteError, match=r"not there; 1 clip written; run again with --force"):
+    with pytest.raises(WriteError, match=r"not there; 1 clip written; run again to continue"):
         export_clips(hits, tmp_path / "clips", options)
 
 
@@ -276,6 +278,166 @@ def test_nothing_is_replaced_without_force(exported):
     assert clip.read_text() == "mine"
     exported([record(TAKES[1], 1.0, 2.0)], force=True)
     assert clip.read_text() != "mine"
+
+
+def contents(folder):
+    return {path.name: (path.read_bytes(), path.stat().st_mtime_ns) for path in folder.iterdir()}
+
+
+def bytes_below(folder):
+    return {name: data for name, (data, _) in contents(folder).items()}
+
+
+BOTH = [record(document, n, n + 1, rank=n) for n in (1, 2) for document in TAKES]
+
+
+@pytest.mark.parametrize("to", ["source", "bvh", "npz", "csv"])
+@pytest.mark.parametrize("stop", range(8))
+def test_an_export_that_was_stopped_ends_like_one_that_never_was(
+    tmp_path, fixtures_dir, monkeypatch, to, stop
+):
+    hits = records_file(tmp_path / "hits.jsonl", BOTH)
+    options = ExportOptions(roots=(fixtures_dir,), to=to)
+    whole = export_clips(hits, tmp_path / "whole", options)
+    real, left = subject.durable_replace, stop
+
+    def write(path, data):
+        nonlocal left
+        left -= 1
+        if left < 0:
+            raise Interrupted(15)
+        real(path, data)
+
+    monkeypatch.setattr(subject, "durable_replace", write)
+    with contextlib.suppress(Interrupted):  # the last ones need as many writes, or fewer
+        export_clips(hits, tmp_path / "clips", options)
+    monkeypatch.undo()
+    before = contents(tmp_path / "clips")
+    again = export_clips(hits, tmp_path / "clips", options)
+    assert bytes_below(tmp_path / "clips") == bytes_below(tmp_path / "whole")
+    assert contents(tmp_path / "clips").items() >= before.items()  # nothing was written twice
+    assert again.clips == whole.clips
+    # of an AMC whose ASF is not there yet only half a clip is
+    files = [name for name in before if not name.endswith((".asf", ".jsonl"))]
+    halves = sum(name.endswith(".amc") and f"{name[:-4]}.asf" not in before for name in files)
+    assert again.there == len(files) - halves
+
+
+def test_what_is_there_is_told(tmp_path, fixtures_dir, mocapidx):
+    hits = records_file(tmp_path / "hits.jsonl", BOTH)
+    arguments = ("export", hits, "--root", fixtures_dir, "--output", tmp_path / "clips")
+    assert mocapidx(*arguments, "--top", "1").returncode == 0
+    (tmp_path / "clips" / SIDECAR).unlink()
+    assert mocapidx(*arguments).stderr == f"4 clips in {tmp_path}/clips; 1 was there already\n"
+    assert mocapidx(*arguments).stderr == f"4 clips in {tmp_path}/clips; 4 were there already\n"
+    assert mocapidx(*arguments, "--force").stderr == f"4 clips in {tmp_path}/clips\n"
+
+
+def test_one_that_differs_is_refused_before_anything_is_written(exported, tmp_path):
+    folder, clips = exported(BOTH)
+    last, first = folder / clips[-1]["file"], folder / clips[0]["file"]
+    first.unlink()
+    (folder / SIDECAR).unlink()
+    size = last.stat().st_size
+    last.write_bytes(b"x" * size)
+    before = contents(folder)
+    with pytest.raises(ParameterError, match=f"{last.name}: is there already; --force replaces"):
+        exported(BOTH)
+    assert contents(folder) == before
+
+
+def test_the_sidecar_of_other_clips_is_refused_before_anything_is_written(exported):
+    folder, _ = exported(BOTH[:2])
+    before = contents(folder)
+    for records in (BOTH, BOTH[:1], BOTH[2:]):
+        with pytest.raises(ParameterError, match=r"clips\.jsonl: is there already; --force repl"):
+            exported(records)
+        assert contents(folder) == before
+
+
+def test_a_clip_that_was_taken_away_comes_back(exported):
+    folder, clips = exported(BOTH)
+    before = bytes_below(folder)
+    (folder / clips[1]["file"]).unlink()
+    exported(BOTH)
+    assert bytes_below(folder) == before
+
+
+def test_a_clip_in_another_format_is_in_the_way(exported):
+    folder, _ = exported(BOTH, to="npz")
+    (folder / SIDECAR).unlink()
+    with pytest.raises(ParameterError, match=r"npz: is there already; --force replaces it"):
+        exported(BOTH, to="csv")
+
+
+def test_documents_that_are_passed_over_are_so_again(tmp_path, fixtures_dir):
+    records = [record("gone.bvh", 1, 2, rank=9), record(TAKES[1], 1e6, 1e6 + 1, rank=10), *BOTH]
+    hits = records_file(tmp_path / "hits.jsonl", records)
+    options = ExportOptions(roots=(fixtures_dir,), skip_bad=True)
+    first = export_clips(hits, tmp_path / "clips", options)
+    before = contents(tmp_path / "clips")
+    again = export_clips(hits, tmp_path / "clips", options)
+    assert (again.clips, again.refused) == (first.clips, first.refused)
+    assert len(again.refused) == 2
+    assert contents(tmp_path / "clips") == before
+
+
+def test_what_can_not_be_made_again_may_be_somebody_elses(tmp_path, fixtures_dir):
+    hits = records_file(tmp_path / "hits.jsonl", [record("gone.bvh", 1, 2)])
+    options = ExportOptions(roots=(fixtures_dir,), skip_bad=True)
+    export_clips(hits, tmp_path / "clips", options)
+    (tmp_path / "clips" / SIDECAR).unlink()
+    stem = subject._stems(subject._numbered(subject.read_found(hits), None))[0]
+    (tmp_path / "clips" / f"{stem}.bvh").write_text("mine")
+    with pytest.raises(ParameterError, match="is there already"):
+        export_clips(hits, tmp_path / "clips", options)
+
+
+def test_the_records_that_are_read_are_not_replaced(exported, fixtures_dir):
+    folder, _ = exported(BOTH)
+    before = contents(folder)
+    for more in ({}, {"force": True, "top": 1}):
+        options = ExportOptions(roots=(fixtures_dir,), **more)
+        if more:
+            with pytest.raises(ParameterError, match="is read and would be replaced"):
+                export_clips(folder / SIDECAR, folder, options)
+        else:
+            export_clips(folder / SIDECAR, folder, options)
+        assert contents(folder) == before
+
+
+def test_no_more_than_one_clip_is_held(tmp_path, fixtures_dir):
+    peaks = []
+    for number in (1, 1, 6):  # the first one loads modules
+        whole = [record(TAKES[0], 0, 1000, rank=rank) for rank in range(1, number + 1)]
+        hits = records_file(tmp_path / "hits.jsonl", whole)
+        folder = tmp_path / f"clips{len(peaks)}"
+        options = ExportOptions(roots=(fixtures_dir,), to="csv")
+        for _ in range(2):  # written, then compared
+            tracemalloc.start()
+            export_clips(hits, folder, options)
+            peaks.append(tracemalloc.get_traced_memory()[1])
+            tracemalloc.stop()
+    size = max(path.stat().st_size for path in folder.iterdir())
+    assert abs(peaks[4] - peaks[2]) < size / 2
+    assert abs(peaks[5] - peaks[3]) < size / 2
+
+
+def test_annotations_that_are_there_are_passed_over(tmp_path, mocapidx):
+    hits = records_file(tmp_path / "hits.jsonl", BOTH)
+    arguments = ("export", hits, "--to", "vtt", "--output", tmp_path / "said")
+    assert mocapidx(*arguments).returncode == 0
+    before = contents(tmp_path / "said")
+    first, second = sorted((tmp_path / "said").iterdir())
+    first.unlink()
+    assert mocapidx(*arguments).returncode == 0
+    assert bytes_below(tmp_path / "said") == {name: data for name, (data, _) in before.items()}
+    assert contents(tmp_path / "said")[second.name] == before[second.name]
+    first.unlink()
+    second.write_text("mine")
+    refused = mocapidx(*arguments)
+    assert (refused.returncode, refused.stderr.count("\n")) == (2, 1)
+    assert not first.exists()
 
 
 @pytest.mark.parametrize("force", [False, True])
