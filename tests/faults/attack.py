@@ -29,8 +29,8 @@ class Attack:
         """Make the world as it was before."""
         copy_world(self.pristine, self.world)
 
-    def run(self, kind="none", point=-1, *, again=False, synced=""):
-        words = self.writer.words(again=again)
+    def run(self, kind="none", point=-1, *, synced=""):
+        words = self.writer.words()
         return self.faulting.run(self.world, words, kind, point, synced)
 
     def stores_before_commit(self, number):
@@ -51,7 +51,7 @@ class Attack:
         """What is there must be as before or as after, and the same command must end it."""
         assert stores_of(self.world) in self.states
         self.judge_files(is_killed, tree_of(self.world))
-        again = self.run(again=True)
+        again = self.run()
         # What a repair was to find is gone where the fault came after the commit.
         assert again.code in (self.writer.code, 0), again.said
         tree = tree_of(self.world)

@@ -41,8 +41,8 @@ class Cramped(Attack):
     def lay_out(self):
         self.places.lay_out(self.pristine)
 
-    def run(self, *, again=False, **limits):
-        words = self.writer.words(again=again)
+    def run(self, **limits):
+        words = self.writer.words()
         if self.said is not None:
             return self.places.run(words, **limits)
         printed = self.places.elsewhere / "printed"
@@ -75,7 +75,7 @@ class Cramped(Attack):
         assert last.startswith("Error: ")
         assert WHY.fullmatch(last.removeprefix("Error: ")), last
         self.judge_left()
-        again = self.run(again=True)
+        again = self.run()
         assert again.code == self.writer.code, again.said
         assert self.is_done()
         return False

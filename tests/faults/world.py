@@ -45,8 +45,6 @@ class Writer:
         Of the program, run in the world.
     writes : tuple of str
         The files, folders and stores that may be other ones afterwards.
-    again : str
-        What to add to the arguments when the command is run after it was stopped.
     code : int
         Its exit code when all goes well.
     is_optional : bool
@@ -56,13 +54,12 @@ class Writer:
     name: str
     arguments: str
     writes: tuple[str, ...]
-    again: str = ""
     code: int = 0
     is_optional: bool = False
 
-    def words(self, *, again=False):
+    def words(self):
         """The command line, but for the program."""
-        return f"{self.arguments} {self.again if again else ''}".split()
+        return self.arguments.split()
 
 
 TEMPLATES = "--templates t.mt"
