@@ -9,6 +9,7 @@ are ordered by it, and equal documents give equal bytes, whichever came first.
 
 import hashlib
 import json
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -38,6 +39,8 @@ KIND: Final = SealedKind(
 )
 PIECE_COLUMNS: Final = 4
 FASTEST: Final = 1e6  # Hz
+REMOVE: Final = "(remove it first, or give another --output)"
+"""What to do before: a build goes on from the web that is there, and replaces no damaged one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +157,12 @@ def read_web(path: Path) -> WebFile:
     StoreError
         If there is no such file, or it is damaged, of another kind or of a newer version.
     """
-    meta, arrays = read_sealed(path, KIND)
+    try:
+        meta, arrays = read_sealed(path, KIND)
+    except StoreError as exc:
+        if str(exc).endswith(f"'{KIND.made_with}'") and os.path.lexists(path):
+            raise StoreError(f"{exc} {REMOVE}") from exc
+        raise
     try:
         documents = tuple(_document(entry) for entry in meta["documents"])
         pieces = (arrays["pieces"] or [np.empty((0, PIECE_COLUMNS), np.int64)])[0]
@@ -169,7 +177,7 @@ def read_web(path: Path) -> WebFile:
             raise ValueError("its documents are out of order")
     except (ValueError, TypeError, KeyError, RecursionError) as exc:
         raise StoreError(
-            f"{shown(path)}: damaged ({shown(exc)}); make it again with '{KIND.made_with}'"
+            f"{shown(path)}: damaged ({shown(exc)}); make it again with '{KIND.made_with}' {REMOVE}"
         ) from exc
     view = np.ascontiguousarray(paths).data.cast("B")
     return WebFile(float(rate), stride, rules, documents, pieces.astype(np.int64), view)
