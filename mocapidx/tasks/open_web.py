@@ -73,7 +73,8 @@ class OpenWeb:
             self._check(known, row)
         except StoreError as exc:
             raise StoreError(
-                f"{shown(self.where)}: damaged ({exc}); make it again with 'mocapidx web build'"
+                f"{shown(self.where)}: damaged ({exc}); remove it and make it again with "
+                "'mocapidx web build'"
             ) from exc
         self._decoded[row] = known
         self._cells += _size(known)

@@ -16,7 +16,7 @@ from tests.faults.world import WRITERS
 EFFORTLESS = ("compact-one", "measure")
 """Have nothing to write, or nothing that they can't do without."""
 
-NO_INPUTS = ("compact-", "repair-", "man")
+NO_INPUTS = ("compact-", "repair-", "man", "remove")
 """Read nothing but what they write."""
 
 READERS = (
