@@ -104,6 +104,8 @@ def cluster_mapping(scheduler: str) -> Iterator[MapFunction]:
         raise ParameterError(
             "--scheduler needs Dask; install it with: pip install 'mocapidx[cluster]'"
         ) from exc
+    if not local:
+        _check_address(scheduler, distributed)
     make_cluster: Any = distributed.LocalCluster
     connect: Any = distributed.Client
     for name in {*CHATTY, *logging.root.manager.loggerDict}:
@@ -130,11 +132,6 @@ def cluster_mapping(scheduler: str) -> Iterator[MapFunction]:
             if cluster is not None:
                 with deaf():
                     cluster.close()
-            if isinstance(exc, (ValueError, TypeError)):  # of the address
-                raise ParameterError(
-                    f"{shown(scheduler)}: Dask can't connect to that ({shown(exc)}); expected "
-                    "an address such as tcp://HOST:8786"
-                ) from exc
             if isinstance(exc, OSError) and not local:
                 raise ParameterError(
                     f"{shown(scheduler)}: no scheduler answers there ({type(exc).__name__}); "
@@ -202,6 +199,21 @@ class _Answer:
     good: bool
     result: Any
     blind: str = ""
+
+
+def _check_address(scheduler: str, distributed: Any) -> None:
+    """Refuse what Dask can't connect to: a client left half made could hold up the next one."""
+    try:
+        distributed.comm.get_address_host_port(scheduler)
+        if scheduler.startswith("tls:"):
+            given = distributed.Security().get_connection_args("client")
+            if given.get("ssl_context") is None:
+                raise ValueError("its configuration has no certificates")
+    except ValueError as exc:
+        raise ParameterError(
+            f"{shown(scheduler)}: Dask can't connect to that ({shown(exc)}); expected an address "
+            "such as tcp://HOST:8786"
+        ) from exc
 
 
 def _results(
