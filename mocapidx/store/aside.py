@@ -47,7 +47,7 @@ def put_aside(store: Path, files: Collection[SegmentFile]) -> Iterator[list[Path
     kept = {name: folder / f"damaged-{name}" for file in files for name in file.names}
     made: list[Path] = []
     aside: list[Path] = []
-    make_folder(folder)  # or there was damage indeed
+    make_folder(folder)  # it may be what was lost
     try:
         for file in files:
             made.append(folder / f"damaged-{file.number:06d}.jsonl")
