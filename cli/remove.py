@@ -20,28 +20,22 @@ __all__ = ["remove"]
     metavar="CONDITION",
     help="Which documents, such as 'document = build/* or actor = ann'.",
 )
-@click.option("--dry-run", is_flag=True, help="Only say which documents would go.")
 @lock_options
 @quiet_option
-def remove(
-    store: Path, where: str, dry_run: bool, lock_timeout: float, use_lock: bool, quiet: bool
-) -> None:
+def remove(store: Path, where: str, lock_timeout: float, use_lock: bool, quiet: bool) -> None:
     """Take the documents that meet a condition out of STORE.
 
-    Their names are printed, one a line. The motion files themselves stay, and an `index` of their
-    folder takes them in again. The room on disk is free after the next `compact`.
+    Their names are printed, one a line; `info --where` lists them before. The motion files stay,
+    and an `index` of their folder takes them in again. The room on disk is free after a `compact`.
 
     \b
     Example:
-      mocapidx remove takes.store --where "document = build/*" --dry-run
+      mocapidx info takes.store --where "document = build/*"
       mocapidx remove takes.store --where "document = build/*"
     """
     from mocapidx.tasks.remove import remove_documents
 
-    names = remove_documents(
-        store, where, dry_run=dry_run, lock_timeout=lock_timeout, use_lock=use_lock
-    )
+    names = remove_documents(store, where, lock_timeout=lock_timeout, use_lock=use_lock)
     for name in names:
         click.echo(shown(name, None))
-    would = "would be " if dry_run else ""
-    note(f"{shown(store)}: {count(len(names), 'document')} {would}removed", quiet)
+    note(f"{shown(store)}: {count(len(names), 'document')} removed", quiet)

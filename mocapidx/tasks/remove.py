@@ -12,7 +12,6 @@ def remove_documents(
     store: str | Path,
     where: str,
     *,
-    dry_run: bool = False,
     lock_timeout: float = 0.0,
     use_lock: bool = True,
 ) -> tuple[str, ...]:
@@ -25,9 +24,7 @@ def remove_documents(
     ----------
     store : str or Path
     where : str
-        The condition, as in `mocapidx.tasks.where`.
-    dry_run : bool
-        Only say which.
+        The condition, as in `mocapidx.tasks.where`; `list_documents` says who meets it.
     lock_timeout : float
         Seconds to wait for another writer.
     use_lock : bool
@@ -50,6 +47,5 @@ def remove_documents(
         documents = writer.documents()
         met = meeting(documents, where, writer.settings.rate)
         names = [each.name for each, holds in zip(documents, met, strict=True) if holds]
-        if not dry_run:
-            writer.commit(None, remove=names)
+        writer.commit(None, remove=names)
     return tuple(sorted(names))
